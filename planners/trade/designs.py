@@ -74,6 +74,9 @@ class Simulator:
         amperes, volts = (drive, 0) if load is None else (plant.current(x, load), plant.voltage(x, load))
         electric = ca.substitute(ca.vertcat(amperes, volts), parameters.stacked, numbers)
         self._electric = ca.Function("electric", [x, drive], [ca.densify(electric)])
+        at = Load(*(ca.SX.sym(name) for name in ("torque", "speed")))
+        through = ca.substitute(plant.through(at), parameters.stacked, numbers)
+        self._through = ca.Function("through", [at.torque, at.speed], [through])
         self._of_cases: dict[tuple[str, int], ArrayFunction] = {}
         self._winding = [plant.states.index(node) for node in option.motor.winding_nodes]
         self._magnet = [plant.states.index(node) for node in option.motor.magnet_nodes]
@@ -118,6 +121,23 @@ class Simulator:
         slope = self._at(self._jacobian, x, self._drive(drive), *self._sink).reshape(n, cases, n).transpose(1, 0, 2)
         stable = np.linalg.eigvals(slope).real.max(axis=1) < 0
         return np.where(stable & (x.min(axis=0) > ambient - 1.0), x, np.inf)
+
+    def equivalent(self, torque: FloatArray) -> FloatArray:
+        """The steady load, shape (3, n), that needs the cycle's RMS torque of the rotor at its RMS speed, for peak
+        torques (n,)."""
+        task, ratio = self.option.study.task, self.option.gear.ratio[0]
+        before = torque[:, None] * task.shape  # the gear
+        through = self._through(before.reshape(1, -1), np.tile(task.motion, (1, torque.size)))
+        at_rotor = (
+            before * through.full().reshape(before.shape) / ratio
+            + self.option.motor.rotor_inertia * ratio * task.accelerations
+        )
+        wanted = np.sqrt(np.mean(at_rotor**2, axis=1)) * ratio
+        speed = np.full(torque.size, np.sqrt(np.mean(task.motion**2)))
+        load = wanted
+        for _ in range(1 if self.option.gear.map is None else 30):
+            load = wanted / self._through(load[None], speed[None]).full().ravel()
+        return np.vstack([load, speed, np.zeros(torque.size)])
 
     def electric(self, x: FloatArray, drive: FloatArray | float) -> tuple[FloatArray, FloatArray]:
         """Current [A] and supply voltage [V] for each case, each of shape (number of cases,)."""
@@ -242,7 +262,7 @@ def peak_temperatures(
     """
     simulator, task = Simulator(option, (capacity, resistance)), option.study.task
     if task.repeats is None:
-        return simulator.winding(simulator.steady(_equivalent(option, torque)))
+        return simulator.winding(simulator.steady(simulator.equivalent(torque)))
     start = np.full((len(simulator.plant.states), capacity.size), task.start)
     hottest = simulator.winding(start)
     fastest = simulator.substeps(duration / len(task.shape), float(torque.max()))
@@ -250,16 +270,6 @@ def peak_temperatures(
     for x, _ in _course(simulator, start, torque, duration, steps):
         hottest = np.maximum(hottest, simulator.winding(x))
     return np.asarray(hottest)
-
-
-def _equivalent(option: Option, torque: FloatArray) -> FloatArray:
-    """The steady load, shape (3, n), that needs the cycle's RMS current at its RMS speed, for peak torques (n,)."""
-    task, gear = option.study.task, option.gear
-    through = np.where(task.motion < 0, gear.efficiency, 1 / gear.efficiency)
-    at_rotor = torque[:, None] * task.shape * through / gear.ratio[0]
-    at_rotor = at_rotor + option.motor.rotor_inertia * gear.ratio[0] * task.accelerations
-    rms = np.sqrt(np.mean(at_rotor**2, axis=1)) * gear.ratio[0] * gear.efficiency
-    return np.vstack([rms, np.full(torque.size, np.sqrt(np.mean(task.motion**2))), np.zeros(torque.size)])
 
 
 # --- what a design does beside its task: on other sinks, at other currents, torques and speeds ------

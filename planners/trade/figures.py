@@ -164,8 +164,9 @@ def _bounds(ax: Axes, design: Design, here: tuple[float, float]) -> None:
     """Where mass, volume and fins end what can be built; names away from the design, where all of them may meet."""
     option = design.option
     c, r = np.meshgrid(*option.study.sink.grid(200))
-    named = {"all fins": (option.sink.fin_share(c, r), 1.0)}
-    for name, spent in option.sink.spent(c, r).items():
+    numbers = option.sink(r)
+    named = {"all fins": (numbers.fin_share(c, r), 1.0)}
+    for name, spent in numbers.spent(c, r).items():
         if name in option.limits:
             named[name] = (option.fixed[name] + spent, option.limits[name])
     for name, (values, level) in named.items():

@@ -94,8 +94,14 @@ class Plant:
             self.ratio = add("gear.ratio", option.gear.ratio[0], "1") if ratio is None else ratio
             self._efficiency = add("gear.efficiency", option.gear.efficiency, "1")
         if option.has_sink:
-            named = zip(option.sink._asdict().items(), _SINK_UNITS, strict=True)
-            self.sink = SinkNumbers(*(add(name, value, unit.format(currency)) for (name, value), unit in named))
+            named = zip(option.sink(resistance)._asdict().items(), _SINK_UNITS, strict=True)
+            # What a fan's curve makes of the resistance is no number of its own: a factor on it is.
+            self.sink = SinkNumbers(
+                *(
+                    value * add(name, 1.0, "1") if isinstance(value, ca.SX) else add(name, value, unit.format(currency))
+                    for (name, value), unit in named
+                )
+            )
         given = option.study.task.inputs
         self._given = {name: add(name, given[name], column_unit(name)) for name in self.model.inputs if name in given}
         self._refuse_other_inputs()
@@ -155,12 +161,16 @@ class Plant:
     def current(self, x: Any, load: Load) -> Any:
         """Current [A] that gives a torque with the magnets as warm as they are; [Chen2017, eq. 2.6]."""
         # At the rotor's windings [N·m]: through the gear, and to accelerate the rotor.
-        torque = load.torque / self.ratio * self._through(load) + self._inertia * self.ratio * load.acceleration
+        torque = load.torque / self.ratio * self.through(load) + self._inertia * self.ratio * load.acceleration
         return torque / self._torque_constant(x)
 
-    def _through(self, load: Load) -> Any:
+    def through(self, load: Load) -> Any:
         """Torque before the gear over what a gear without losses would take."""
-        return ca.if_else(load.speed < 0, self._efficiency, 1 / self._efficiency)
+        gear, efficiency = self.option.gear, self._efficiency
+        if gear.map is not None:
+            efficiency = efficiency * gear.map.at(self.motor_speed(load), load.torque)
+        efficiency = ca.fmin(efficiency, 1.0)  # a draw of it may be above
+        return ca.if_else(load.speed < 0, efficiency, 1 / efficiency)
 
     def _torque_constant(self, x: Any) -> Any:
         nodes = self.option.motor.magnet_nodes
@@ -169,7 +179,7 @@ class Plant:
 
     def rates(self, x: Any, load: Load) -> Any:
         """dx/dt [K/s] under a load, by the model's own function."""
-        lost = load.torque * load.speed * (self._through(load) - 1)  # in the gear
+        lost = load.torque * load.speed * (self.through(load) - 1)  # in the gear
         return self.rates_at_current(x, self.current(x, load), self.motor_speed(load), lost)
 
     def rates_at_current(self, x: Any, current: Any, speed: Any = 0.0, gear_heat: Any = 0.0) -> Any:

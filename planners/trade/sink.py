@@ -6,16 +6,20 @@ Fins have two sides. Radiation is left out, so passive sinks come out somewhat l
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
+import numpy as np
+
+from lptn.basics.arrays import FloatArray
 from lptn.basics.toml import Strict
 from lptn.effects.base import Symbol
 
-from ..values import Conductivity, Density, NotNegative, SpecificHeat
+from ..values import Conductivity, Density, NotNegative, SpecificHeat, between
 
 AIR_CONDUCTIVITY, AIR_VISCOSITY, AIR_DIFFUSIVITY = 0.0267, 1.67e-5, 2.36e-5
 """Of air at 37 degC (W/(m K), m²/s, m²/s): [IncroperaDeWitt, table A.4]."""
+AIR_DENSITY = 1.138
+"""Likewise [kg/m³]."""
 
 
 class SinkMetal(Strict):
@@ -41,8 +45,8 @@ common alloys: extruded aluminium, magnesium AZ91, unalloyed steel."""
 class Air(NamedTuple):
     """What the air does at a fin: film coefficient [W/(m² K)] and the spacing [m] at which it holds."""
 
-    film: float
-    spacing: float
+    film: Symbol
+    spacing: Symbol
 
 
 def still_air(excess: float, height: float) -> Air:
@@ -61,7 +65,7 @@ def still_air(excess: float, height: float) -> Air:
     return Air(1.307 * AIR_CONDUCTIVITY / spacing, spacing)
 
 
-def blown_air(speed: float, height: float) -> Air:
+def blown_air(speed: float | FloatArray, height: float) -> Air:
     r"""Laminar flow along fins so far apart that their boundary layers do not meet.
 
     .. math:: h = 0.664 \, (k/H) \, Re^{1/2} Pr^{1/3}, \qquad S = 2 \cdot 5 H / Re^{1/2}
@@ -74,14 +78,57 @@ def blown_air(speed: float, height: float) -> Air:
     """
     reynolds = speed * height / AIR_VISCOSITY
     prandtl = AIR_VISCOSITY / AIR_DIFFUSIVITY
-    film = 0.664 * AIR_CONDUCTIVITY / height * math.sqrt(reynolds) * prandtl ** (1 / 3)
-    return Air(film, 10 * height / math.sqrt(reynolds))
+    film = 0.664 * AIR_CONDUCTIVITY / height * np.sqrt(reynolds) * prandtl ** (1 / 3)
+    return Air(film, 10 * height / np.sqrt(reynolds))
 
 
-def fin_efficiency(film: float, thickness: float, depth: float, conductivity: float = ALUMINIUM.conductivity) -> float:
+def fin_efficiency(
+    film: Symbol, thickness: float, depth: float, conductivity: float = ALUMINIUM.conductivity
+) -> Symbol:
     """Share of the film that a straight fin of a thickness and a depth [m] makes use of (tanh m L / m L)."""
-    product = math.sqrt(2 * film / (conductivity * thickness)) * depth
-    return math.tanh(product) / product
+    product = np.sqrt(2 * film / (conductivity * thickness)) * depth
+    return np.tanh(product) / product
+
+
+def fan_driven_air(
+    resistance: Symbol,
+    flow: FloatArray,
+    pressure: FloatArray,
+    height: float,
+    thickness: float,
+    depth: float,
+    conductivity: float,
+) -> Air:
+    r"""What a fan's air does at the fins of a resistance to the air: the more fins, the more air they need.
+
+    .. math:: p(\dot V) = \rho v^2 \left(\tfrac{1}{2} + \frac{1.328}{10}\right), \qquad
+        \dot V = \frac{S v}{2 H h \eta R}
+
+    The jet behind the fins is lost, and what the plates' laminar friction takes (1.328/√Re of the dynamic pressure by
+    each side, at the spacing of `blown_air`); what bends and grilles take is left out.
+
+    Args:
+        resistance: of the sink to the air [K/W], a number, an array or a symbol.
+        flow: points of the fan's curve [m³/s], ascending, shape (n,).
+        pressure: there [Pa], falling.
+        height: of the fins along the flow [m].
+        thickness: of a fin [m].
+        depth: of a fin, root to tip [m].
+        conductivity: of the metal [W/(m K)].
+
+    Returns:
+        The film times the fins' efficiency, and their spacing.
+
+    Source: [IncroperaDeWitt, chapter 7], Blasius's and Pohlhausen's solutions for a flat plate.
+    """
+    lost = AIR_DENSITY * (0.5 + 0.1328)
+    shut = float(pressure[0])
+    speed = np.sqrt(shut / lost) * np.linspace(1e-2, 1 - 1e-6, 200)  # from hardly any, at the most flow
+    moved = np.interp(lost * speed**2, pressure[::-1], flow[::-1])
+    air = blown_air(speed, height)
+    used = air.film * fin_efficiency(air.film, thickness, depth, conductivity)
+    needs = air.spacing * speed / (2 * height * used * moved)  # the resistance that takes this flow; it rises with v
+    return Air(between(resistance, needs, used), between(resistance, needs, air.spacing))
 
 
 class SinkNumbers(NamedTuple):

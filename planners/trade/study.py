@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
+import casadi as ca
 import numpy as np
 from pydantic import (
     AfterValidator,
@@ -36,7 +37,7 @@ from lptn.model.tables import EffectTable
 
 from .. import values as si
 from .motors import CatalogueMotor, MotorLimits
-from .sink import MATERIALS, SinkMetal, SinkNumbers, blown_air, fin_efficiency, still_air
+from .sink import MATERIALS, SinkMetal, SinkNumbers, blown_air, fan_driven_air, fin_efficiency, still_air
 
 Goal = Literal["held_torque", "time_to_limit", "worst_temperature", "mass", "volume", "price"]
 Cooling = Literal["none", "passive", "fan"]
@@ -115,6 +116,17 @@ Choices = Annotated[Names[Of], Field(min_length=1)]
 Parts = Annotated[list[Of], Field(min_length=2, max_length=400)]
 """A number for each equal part of a duty cycle."""
 Share = Annotated[Number, Field(gt=0, le=1)]
+_MOST_KNOTS = 40  # of a curve: each is a term of the program
+
+
+def _rising(knots: list[float]) -> list[float]:
+    if knots != sorted({*knots}):
+        raise ValueError("numbers that rise")
+    return knots
+
+
+Rising = Annotated[list[Of], Field(min_length=2, max_length=_MOST_KNOTS), AfterValidator(_rising)]
+"""Where a curve or a map has its points."""
 
 
 # --- tables of the file -------------------------------------------------------------------------
@@ -201,12 +213,34 @@ class Limits(MotorLimits):
     price: si.Positive | None = None
 
 
+class EfficiencyMap(Strict):
+    """Table `[gears.map]`: measured efficiencies, bilinear between them, level beyond."""
+
+    speed: Rising[si.NotNegative]  # rad/s, of the motor's shaft
+    torque: Rising[si.NotNegative]  # N*m, behind the gear
+    efficiency: Annotated[list[list[Share]], Field(max_length=_MOST_KNOTS)]  # a row for each torque
+
+    @field_validator("efficiency")
+    @classmethod
+    def _rows(cls, rows: list[list[float]], info: ValidationInfo) -> list[list[float]]:
+        wanted = [len(info.data.get("speed", ()))] * len(info.data.get("torque", ()))
+        if wanted and [len(row) for row in rows] != wanted:
+            raise ValueError(f"{len(wanted)} rows, one for each torque, of {wanted[0]} numbers, one for each speed")
+        return rows
+
+    def at(self, speed: Any, torque: Any) -> Any:
+        """Efficiency at a speed of the motor and a torque behind the gear."""
+        rows = [si.between(ca.fabs(speed), self.speed, row) for row in self.efficiency]
+        return si.between(torque, self.torque, ca.vertcat(*map(ca.SX, rows)))
+
+
 class Gear(Strict):
     """Table `[[gears]]`: a gearbox between motor and task."""
 
     name: str
     ratio: si.Span[si.Positive]  # speed of the motor over that of the task
-    efficiency: Share = 1.0  # of the power, from the motor to the load or back
+    efficiency: Share = 1.0  # of the power, from the motor to the load or back; a factor on the map where there is one
+    map: EfficiencyMap | None = None
     heats: str | None = None  # the motor's node that takes up what the gear loses; none: it stays in the gear
     mass: si.ExtraMass = 0.0
     volume: si.ExtraVolume = 0.0
@@ -252,13 +286,28 @@ class Pipes(Strict):
     price: si.NotNegative = 0.0  # each
 
 
+class FanCurve(Strict):
+    """Table `[fan.curve]`: what a fan's data sheet shows."""
+
+    flow: Rising[si.Flow]
+    pressure: Annotated[list[si.Pressure], Field(max_length=_MOST_KNOTS)]  # at each flow, falling
+
+    @field_validator("pressure")
+    @classmethod
+    def _falls(cls, pressure: list[float], info: ValidationInfo) -> list[float]:
+        if len(pressure) != len(info.data.get("flow", pressure)) or pressure != sorted({*pressure}, reverse=True):
+            raise ValueError("a pressure for each flow, falling")
+        return pressure
+
+
 class SinkFan(Strict):
     """Table `[fan]`: a fan and its battery."""
 
     mass: si.ExtraMass = 0.05
     volume: si.ExtraVolume = 1e-4
     power: si.ExtraPower = 2.0  # electrical
-    speed: si.Speed = 3.0  # of the air between the fins
+    speed: si.Speed = 3.0  # of the air between the fins, where no curve says it
+    curve: FanCurve | None = None
     runtime: si.Runtime = 0.0
     battery: si.SpecificEnergy = 5.4e5  # 150 W·h/kg
     price: si.NotNegative = 0.0
@@ -465,25 +514,28 @@ class Option:
         """Mass [kg], volume [m³] or price below which nothing can be built, whatever the temperatures."""
         if not self.has_sink:
             return self.fixed[budget]
-        numbers, resistance = self.sink, self.study.sink.resistance[1]
+        resistance = self.study.sink.resistance[1]
+        numbers = self.sink(resistance)
         capacity = max(self.study.sink.capacity[0], numbers.specific_heat * numbers.fin_mass(resistance))
         return self.fixed[budget] + float(numbers.spent(capacity, resistance)[budget])
 
-    @property
-    def sink(self) -> SinkNumbers:
-        """What its sink would be made of, in the air of its cooling.
+    def sink(self, resistance: Any) -> SinkNumbers:
+        """What a sink of a resistance [K/W], a number or a symbol, would be made of, in the air of its cooling.
 
         Natural convection as an effect starts from a sink as warm as the air, where the film is less than at `excess`.
         """
         sink, fan, metal = self.study.sink, self.study.fan, self.metal
-        is_blown = self.cooling == "fan"
-        air = blown_air(fan.speed, sink.fin_height) if is_blown else still_air(sink.excess, sink.fin_height)
-        used = fin_efficiency(air.film, sink.fin_thickness, sink.fin_depth, metal.conductivity)
+        fins = sink.fin_thickness, sink.fin_depth, metal.conductivity
+        if self.cooling == "fan" and fan.curve is not None:
+            flow, pressure = np.array(fan.curve.flow), np.array(fan.curve.pressure)
+            used, spacing = fan_driven_air(resistance, flow, pressure, sink.fin_height, *fins)
+        else:
+            is_blown = self.cooling == "fan"
+            air = blown_air(fan.speed, sink.fin_height) if is_blown else still_air(sink.excess, sink.fin_height)
+            used, spacing = air.film * fin_efficiency(air.film, *fins), air.spacing
         rises = [e.parameters[0].value for e in self.study.effects if e.at == SINK and e.effect.key == _CONVECTION]
         used *= math.exp(-sink.excess * sum(rises))
-        return SinkNumbers(
-            air.film * used, sink.fin_thickness, air.spacing, metal.density, metal.specific_heat, metal.price or 0.0
-        )
+        return SinkNumbers(used, sink.fin_thickness, spacing, metal.density, metal.specific_heat, metal.price or 0.0)
 
     @property
     def limits(self) -> dict[str, float]:

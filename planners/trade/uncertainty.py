@@ -110,8 +110,7 @@ def _drawn(problem: DesignProblem, name: str, error: StandardError, normal: floa
     if problem.parameters.units[name] == "degC" or value <= 0:
         return value + normal * size * (abs(value) if relative else 1.0)
     share = size if relative else size / value
-    drawn = value * float(np.exp(normal * np.sqrt(np.log1p(share**2))))
-    return min(drawn, 1.0) if name == "gear.efficiency" else drawn
+    return value * float(np.exp(normal * np.sqrt(np.log1p(share**2))))
 
 
 def _built(problem: DesignProblem, drawn: dict[str, float]) -> dict[str, float]:

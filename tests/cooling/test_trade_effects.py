@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import RegularGridInterpolator
 from scipy.optimize import brentq
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.planners.trade import Design, TradeStudy, solve_study
+from lptn.planners.trade.designs import peak_temperatures
 from tests.cooling import plain_sink as plain
 from tests.cooling.studies import study
 
@@ -127,5 +131,112 @@ def test_a_gears_heat_is_a_number_of_the_study() -> None:
 def test_what_no_model_can_use_is_refused(task: str, more: str, said: tuple[str, ...]) -> None:
     with pytest.raises(InputError) as refused:
         solve_study(study("held_torque", f"duration = 120\n{task}", more=more, cooling='"none"'))
+    for word in said:
+        assert word in str(refused.value)
+
+
+# --- a gear's map, a fan's curve ----------------------------------------------------------------
+
+SPEEDS, TORQUES = [0.0, 50.0, 200.0], [1.0, 5.0, 20.0]  # rad/s, N·m
+MAP = [[0.6, 0.5, 0.4], [0.8, 0.78, 0.6], [0.9, 0.88, 0.7]]
+MAPPED = f"{GEAR}[gears.map]\nspeed = {SPEEDS}\ntorque = {TORQUES}\nefficiency = {MAP}\n".replace("0.8\n", "0.95\n", 1)
+_BILINEAR = RegularGridInterpolator((TORQUES, SPEEDS), np.array(MAP))
+
+
+def _efficiency(torque: float, speed: float) -> float:
+    return 0.95 * float(_BILINEAR([(np.clip(torque, 1.0, 20.0), min(abs(speed), 200.0))])[0])
+
+
+@pytest.mark.parametrize("speed", [7.0, 30.0, -7.0])
+def test_a_gear_is_as_good_as_its_map_says_at_speed_and_torque(speed: float) -> None:
+    design = _one(study("held_torque", f"duration = {HOUR}\nspeed = {speed}", more=MAPPED, cooling='"none"'))
+    efficiency = _efficiency(design.value, 10 * speed)
+    through = 1 / efficiency if speed > 0 else efficiency
+    assert 0.4 < efficiency < 0.9
+    heat = design.value * speed * (through - 1)
+    assert _hottest(design.value / 10 * through, heat) == pytest.approx(105.0, abs=2e-3)
+
+
+def test_the_map_of_a_cycle_for_ever_goes_through_its_design_with_the_gears_map() -> None:
+    cycle = 'kind = "cycle"\nperiod = 4\nprofile = [4, 12, 2, 1]\nspeeds = [2, 15, -5, 0]'
+    more = MAPPED.replace('heats = "housing"\n', "")
+    design = _one(study("worst_temperature", cycle, "mass = 0.7", more=more, cooling='"passive"'))
+    profile, motion = np.array([4.0, 12.0, 2.0, 1.0]), np.array([2.0, 15.0, -5.0, 0.0])
+    by_part = [_efficiency(torque, 10 * speed) for torque, speed in zip(profile, motion, strict=True)]
+    through = [1 / of if speed >= 0 else of for of, speed in zip(by_part, motion, strict=True)]
+    held = np.sqrt(np.mean((profile / 10 * through) ** 2))
+    assert design.sink is not None
+    capacity, resistance = (np.array([value]) for value in design.sink)
+    mean = plain.hottest(capacity, resistance, np.array([held]), 12_000.0, 2.0)
+    found = peak_temperatures(design.option, capacity, resistance, np.array([12.0]), 4.0)
+    assert found == pytest.approx(mean, abs=0.01)
+    assert design.value == pytest.approx(mean[0], abs=2.0)  # it ripples by the winding's own capacity
+
+
+FLOW, PRESSURE = [0.0, 0.002, 0.004], [20.0, 12.0, 0.0]  # m³/s, Pa
+FAN = f"[fan]\nmass = 0.03\n[fan.curve]\nflow = {FLOW}\npressure = {PRESSURE}\n"
+
+
+def _fins(resistance: float) -> tuple[float, float, float]:
+    """Of fins of a resistance to the air, each of two sides: air between them [m/s], film with efficiency, spacing."""
+    nu, diffusivity, k, rho, height, depth = 1.67e-5, 2.36e-5, 0.0267, 1.138, 0.08, 0.03
+
+    def film_and_spacing(speed: float) -> tuple[float, float]:
+        reynolds = speed * height / nu
+        film = 0.664 * np.sqrt(reynolds) * (nu / diffusivity) ** (1 / 3) * k / height
+        ml = np.sqrt(2 * film / (200.0 * plain.THICKNESS)) * depth
+        return film * np.tanh(ml) / ml, 2 * 5 * height / np.sqrt(reynolds)
+
+    def too_much(speed: float) -> float:
+        film, spacing = film_and_spacing(speed)
+        channels = 1 / (film * resistance) / (2 * height * depth)
+        friction = 1.328 / np.sqrt(speed * height / nu) * rho * speed**2 / 2  # on one side [Pa]
+        lost = rho * speed**2 / 2 + 2 * friction * height / spacing
+        return float(lost - np.interp(channels * spacing * depth * speed, FLOW, PRESSURE))
+
+    speed = float(brentq(too_much, 0.05, 8.0, xtol=1e-12))
+    return speed, *film_and_spacing(speed)
+
+
+@pytest.mark.parametrize("limits", ["mass = 0.55", "mass = 0.7\nvolume = 1e-3"])
+def test_a_fan_moves_what_its_curve_lets_through_the_fins(limits: str) -> None:
+    design = _one(study("held_torque", f"duration = {HOUR}", limits, more=FAN, cooling='"fan"'))
+    assert design.sink is not None
+    capacity, resistance = design.sink
+    speed, film, spacing = _fins(resistance)
+    assert 0.1 < speed < 5.0
+    area = 1 / (film * resistance)
+    fins = plain.DENSITY * plain.THICKNESS * area / 2
+    volume = plain.MOTOR_VOLUME + 1e-4 + area / 2 * (plain.THICKNESS + spacing)
+    volume += capacity / plain.HEAT / plain.DENSITY - fins / plain.DENSITY
+    assert design.volume == pytest.approx(volume, rel=2e-3)
+    hottest = plain.hottest(np.array([capacity]), np.array([resistance]), np.array([design.value]), HOUR, 2.0)
+    assert hottest[0] == pytest.approx(105.0, abs=0.01)
+    # Of so much metal no fins of less resistance can be built.
+    metal, least = capacity / plain.HEAT, np.inf
+    for other in resistance * np.geomspace(0.7, 1.4, 140):
+        with suppress(ValueError):  # the fan has not so much air
+            _, film, spacing = _fins(float(other))
+            area = 1 / (film * other)
+            fins = plain.DENSITY * plain.THICKNESS * area / 2
+            volume = plain.MOTOR_VOLUME + 1e-4 + area / 2 * (plain.THICKNESS + spacing)
+            volume += (metal - fins) / plain.DENSITY
+            if fins <= metal and ("volume" not in limits or volume <= 1e-3):
+                least = min(least, float(other))
+    assert least == pytest.approx(resistance, rel=0.006)
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (MAPPED.replace("[0.6, 0.5, 0.4]", "[0.6, 0.5]"), ("gears[0].map.efficiency", "3 rows", "of 3 numbers")),
+        (MAPPED.replace("[1.0, 5.0", "[5.0, 1.0"), ("gears[0].map.torque", "numbers that rise")),
+        (FAN.replace("12.0", "25.0"), ("fan.curve.pressure", "falling")),
+        (FAN.replace("0.002, ", ""), ("fan.curve.pressure", "a pressure for each flow")),
+    ],
+)
+def test_curves_that_are_none_are_refused(more: str, said: tuple[str, ...]) -> None:
+    with pytest.raises(InputError) as refused:
+        study("held_torque", "duration = 120", more=more)
     for word in said:
         assert word in str(refused.value)

@@ -361,6 +361,13 @@ STUDIES = [
         "no_such",
         study_toml=("[sink]", '[[effects]]\nkind = "radiation"\nat = "no_such"\n[sink]'),
     ),
+    _bad(
+        "study",
+        "trade {study}",
+        "fan.curve.pressure",
+        "falling",
+        study_toml=("[sink]", "[fan.curve]\nflow = [0, 1]\npressure = [1, 2]\n[sink]"),
+    ),
     _bad("study", "trade {study}", "pareto", study_toml=("[sink]", "[pareto]\nleast = 1\n[sink]")),
     _bad("study", "trade {study}", "No such file", study_toml=None),
 ]
