@@ -78,6 +78,8 @@ def studied(bench: Bench, nodes: int) -> WorkbenchSession:
         news.runs = {one["key"]: replace(lines, nodes=tuple(names), measured=lines.measured[wide]) for one in segments}
         predicted = {model: values for (_, model), values in news.predicted.items()}
         news.predicted = {(one["key"], model): values[wide] for one in segments for model, values in predicted.items()}
+        spread = next(iter(news.spreads.values()))
+        news.spreads = {one["key"]: replace(spread, size=spread.size[wide]) for one in segments}
         news.heat, news.networks = {}, {one["key"]: next(iter(news.networks.values())) for one in segments}
     session = WorkbenchSession(OPENING, bench.folder)
     session._heard_opened(bench.folder)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.lines import thinned
+from lptn.simulate.simulation import simulate
+from lptn.workbench.bench import Bench, spread_of
 from lptn.workbench.lines import _BLOCK, RunLines, packed
 from tests.workbench.conftest import unpacked
 
@@ -110,3 +114,25 @@ def test_signals_come_by_their_own_names() -> None:
     for name in ("torque.elbow", "power.hip", "predicted.elbow"):
         with pytest.raises(InputError, match=r"elbow|power\.hip"):
             _lines().window([name], {"now": "as given"})
+
+
+def test_the_band_of_a_prediction_is_where_other_parameters_of_the_fit_lead(bench: Bench) -> None:
+    fit, rng = bench.study.steps[-1].fit, np.random.default_rng(0)
+    prediction = bench.predictions(-1)["holdout 0"]
+    spread, noise = spread_of(fit, prediction), fit.noise.floor[:, None]
+    small = 0.1  # of a standard error: to first order
+    unknowns = rng.multivariate_normal(np.zeros(len(fit.free)), small**2 * fit.uncertainty.covariance, 400)
+    start, others = prediction.path.states[:, 0], []
+    for moved in unknowns:
+        z = fit.z.copy()
+        z[: len(moved)] += moved
+        values = fit.problem.point(z).values
+        others.append(simulate(fit.model, prediction.bound, values, start).readings + rng.normal(0.0, small * noise))
+    at = np.searchsorted(prediction.bound.run.time, spread.time)
+    np.testing.assert_allclose(spread.size, np.std(others, axis=0)[:, at] / small, rtol=0.2)
+
+    run = RunLines.of(prediction, tuple(fit.model.nodes)).with_line("model", prediction.readings)
+    shown = replace(run, spread=spread).window("heater2", {"now": "model"})
+    np.testing.assert_allclose(shown["now high"] - shown["now"], 1.96 * spread.size[1], rtol=1e-6)
+    np.testing.assert_allclose(shown["now"] - shown["now low"], 1.96 * spread.size[1], rtol=1e-6)
+    assert "now low" not in run.window("heater2", {"now": "model"})

@@ -15,12 +15,15 @@ from lptn.diagnose.evidence import FirstOrder
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
 from lptn.identify.comparison import Prediction, versus
 from lptn.identify.data import Segment
+from lptn.identify.fitting import Fit
 from lptn.report.network_drawing import NetworkCourse
+from lptn.simulate.simulation import sensitivity_windows
 from lptn.study import Study
-from lptn.workbench.lines import RunLines
+from lptn.workbench.lines import RunLines, Spread
 from lptn.workbench.opening import Opening
 from lptn.workbench.orders import Add, Back, Cut, Keep, Order, Plain, Set, Try
 
+_MOMENTS = 1000  # of a run, at which the band of a prediction is worked out; between them it is a line
 _MOST_WEIGHED = 12  # candidates beyond the answers; less probable ones are useless
 
 
@@ -32,12 +35,14 @@ class News:
         runs: by segment, without any model's line; where there are some, all older lines are of other data.
         predicted: by segment and model.
         heat: by segment; it replaces all older one.
+        spreads: by segment, of what the model as it is now predicts; they replace all older ones.
         networks: what the model as it is now predicts, by segment; it replaces all older ones.
     """
 
     runs: dict[str, RunLines] = field(default_factory=dict)
     predicted: dict[tuple[str, str], FloatArray] = field(default_factory=dict)
     heat: dict[str, UnexplainedHeat] = field(default_factory=dict)
+    spreads: dict[str, Spread] = field(default_factory=dict)
     networks: dict[str, NetworkCourse] = field(default_factory=dict)
 
 
@@ -58,6 +63,7 @@ class Bench:
         self.against: tuple[str, dict[str, FloatArray]] = "", {}
         """What another study's model is called on the page, and what it predicts [degC], (nodes, n), by segment."""
         self._predictions: dict[str, dict[str, Prediction]] = {}
+        self._spreads: dict[str, dict[str, Spread]] = {}
         self._sent: set[tuple[str, str]] = set()
 
     # --- what can be ordered --------------------------------------------------------------------
@@ -132,7 +138,7 @@ class Bench:
         """Discard what was computed of another model as given, or of other data, which another study predicts, too."""
         if of_other_data:
             self.against = "", {}
-        for results in (self.heat, self._predictions, self._sent):
+        for results in (self.heat, self._predictions, self._spreads, self._sent):
             results.clear()
 
     def look_closer(self) -> None:
@@ -225,9 +231,33 @@ class Bench:
         against, readings = self.against
         news.predicted |= {(key, f"against {against}"): lines for key, lines in readings.items()}
         news.heat = self.heat.get(self.model, {})
-        now = self.study.steps[-1].fit.model
-        news.networks = {key: NetworkCourse.of(now, predicted) for key, predicted in self.predictions(-1).items()}
+        fit, now = self.study.steps[-1].fit, self.predictions(-1)
+        news.networks = {key: NetworkCourse.of(fit.model, predicted) for key, predicted in now.items()}
+        if self.model not in self._spreads:
+            self._spreads[self.model] = {key: spread_of(fit, predicted) for key, predicted in now.items()}
+        news.spreads = self._spreads[self.model]
         return news
+
+
+def spread_of(fit: Fit, prediction: Prediction) -> Spread:
+    """How far a reading may be off what a fit predicts: by what it leaves open of the parameters, and by noise.
+
+    To first order in the parameters; initial temperatures are taken as they are. What the model lacks is in it as far
+    as the parameters' covariance is widened for it.
+    """
+    model, bound = fit.model, prediction.bound
+    acting = model.acting_in(bound.run.name)
+    columns = [k for k, index in enumerate(fit.free) if index in acting]
+    slope = fit.problem.slope(model.values)[columns]
+    covariance = fit.uncertainty.covariance[np.ix_(columns, columns)] * np.outer(slope, slope)
+    moments = np.unique(np.linspace(0, len(bound) - 1, _MOMENTS).astype(int))
+    variances, chosen, start = [], [fit.free[k] for k in columns], prediction.path.states[:, 0]
+    for window, moved in sensitivity_windows(model, bound, model.values, chosen, start):
+        inside = moments[(moments >= window.start) & (moments < window.stop)] - window.start
+        by = moved.by_parameter[:, inside]
+        variances.append(np.einsum("nkp,nkp->nk", by @ covariance, by))
+    variance = np.maximum(np.concatenate(variances, axis=1), 0.0)
+    return Spread(bound.run.time[moments], np.sqrt(variance + fit.noise.floor[:, None] ** 2))
 
 
 def segments(study: Study) -> dict[str, Segment]:

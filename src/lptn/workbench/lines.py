@@ -15,6 +15,7 @@ from lptn.basics.lines import joined, thinned
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
 from lptn.identify.comparison import Prediction
 
+_NORMAL_95 = 1.96  # standard deviations
 _MARGIN = 1  # readings beyond a window on either side, so that a line runs to the plot's edge
 _BLOCK = 64  # readings of which the smallest and the largest are kept: long windows are drawn from a 64th of the log
 _OF_NODES = {"temperature": "measured", "predicted": "now", "error": "error now"}
@@ -22,6 +23,19 @@ _OF_NODES = {"temperature": "measured", "predicted": "now", "error": "error now"
 
 _Key = tuple[str, ...]
 _Read = Callable[[Any], FloatArray]  # the values of a line at an index of the run's readings
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Standard deviations of readings about a prediction.
+
+    Args:
+        time: moments of the run [s], (m,).
+        size: there [K], (nodes, m).
+    """
+
+    time: FloatArray
+    size: FloatArray
 
 
 @dataclass(frozen=True)
@@ -35,6 +49,7 @@ class RunLines:
         inputs: the log's other columns, (n,) each.
         predicted: degC, (nodes, n), by what names the model.
         heat: unexplained heat, where it was worked out.
+        spread: of readings about the line that is called `now`.
     """
 
     nodes: tuple[str, ...]
@@ -43,6 +58,7 @@ class RunLines:
     inputs: Mapping[str, FloatArray]
     predicted: Mapping[str, FloatArray] = field(default_factory=dict)
     heat: UnexplainedHeat | None = None
+    spread: Spread | None = None
     _extremes: dict[_Key, FloatArray] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @classmethod
@@ -125,6 +141,10 @@ class RunLines:
                 lines[name, node, of] = read = self.predicted[of][row].__getitem__
                 lines[f"error {name}", node, of] = _difference(read, measured)
         lines |= {(name,): self.inputs[name].__getitem__ for name in self.inputs_of(node)}
+        if self.spread is not None and models.get("now") in self.predicted:
+            now, time, wide = self.predicted[models["now"]][row], self.spread.time, _NORMAL_95 * self.spread.size[row]
+            lines["now low", node] = _difference(now.__getitem__, self._between(time, wide))
+            lines["now high", node] = _difference(now.__getitem__, self._between(time, -wide))
         if self.heat is not None and node in self.heat.nodes:
             place = self.heat.nodes.index(node)
             heat, band = self.heat.heat[place], self.heat.band[place]

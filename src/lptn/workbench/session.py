@@ -226,7 +226,7 @@ class WorkbenchSession:
         for (segment, model), readings in news.predicted.items():
             lines[segment] = lines[segment].with_line(model, readings)
         for segment in lines:
-            lines[segment] = replace(lines[segment], heat=news.heat.get(segment))
+            lines[segment] = replace(lines[segment], heat=news.heat.get(segment), spread=news.spreads.get(segment))
         self._lines, self._networks = lines, news.networks
 
     def _heard_done(self) -> None:

@@ -246,14 +246,16 @@ class View {
     const models = ["given", "now", "against", "attempt"].filter(each => each in lines).map(each => line(each,
       { given: "as given", now: state.given === state.now ? "model as given" : "now", against: "the study beside", attempt: "with the answer tried" }[each],
       color(each === "now" && state.given === state.now ? "--given" : `--${each}`), { dash: each === "given" ? [7, 4] : each === "attempt" ? [2, 3] : each === "against" ? [9, 3, 2, 3] : undefined, width: each === "now" ? 2 : 1.6 }));
+    // Both edges of a band are one entry of the legend; they set no range: lines are what is looked at.
+    const edges = name => [line(`${name} low`, "95 % band", color("--soft"), { width: 0.5, auto: false, edge: true }), line(`${name} high`, "", color("--soft"), { width: 0.5, auto: false, class: "edge" })];
     const errors = models.map(each => ({ ...each, name: `error ${each.name}` }));
     const panels = [
-      { unit: "°C", label: "temperature [°C]", height: 250, limited: true, series: [line("measured", "measured", color("--ink"), { width: 1.1 }), ...models] },
+      { unit: "°C", label: "temperature [°C]", height: 250, limited: true, series: ["now low" in lines ? edges("now") : [], line("measured", "measured", color("--ink"), { width: 1.1 }), models].flat() },
       { unit: "K", label: "error [K]", height: 150, series: errors, floor: state.head.floor },
     ];
     if ("heat" in lines && one) panels.push({
-      unit: "W", label: "heat [W]", height: 130, zero: true, band: true,
-      series: [line("heat low", "from", color("--soft"), { width: 0.5 }), line("heat high", "to", color("--soft"), { width: 0.5 }), line("heat", "heat that the model lacks", color("--attempt"))],
+      unit: "W", label: "heat [W]", height: 130, zero: true,
+      series: [...edges("heat"), line("heat", "heat that the model lacks", color("--attempt"))],
     });
     const derived = name => !unitOf(name);  // such as torque_abs: what was measured comes first
     const all = Object.keys(lines).filter(name => name.includes(".")).sort((a, b) => derived(a) - derived(b)), inputs = all.filter(name => lines[name].some(value => value !== lines[name][0]));
@@ -266,7 +268,7 @@ class View {
     return panels;
   }
 
-  chart({ unit, label, height, series, floor, zero, band, limited }, lines, last) {
+  chart({ unit, label, height, series, floor, zero, limited }, lines, last) {
     const { run, plots } = this, clock = plots.clock && run.clock, origin = clock ? 0 : run.origin, minutes = run.stop - run.start > LONG;
     const since = value => minutes ? Number(((value - origin) / 60).toFixed(2)) : Number((value - origin).toFixed(2));
     const ofDay = value => new Date(1000 * value).toISOString().slice(run.stop - run.start > DAY ? 5 : 11, minutes ? 16 : 19).replace("T", " ");
@@ -288,8 +290,8 @@ class View {
         { ...axis, label, labelSize: 18, size: 46, space: 26 },
       ],
       series: [{ label: "time", value: (_, value) => value == null ? "–" : `${minutes ? `${((value - run.origin) / 60).toFixed(2)} min` : `${(value - run.origin).toFixed(1)} s`}${run.clock ? `, ${new Date(1000 * value).toISOString().slice(0, 19).replace("T", " ")} UTC` : ""}` },
-        ...series.map(({ name, ...rest }) => ({ ...rest, points: { show: false }, value: (_, value) => number(value) }))],
-      bands: band ? [{ series: [2, 1], fill: color("--shade") }] : undefined,
+        ...series.map(({ name, edge, ...rest }) => ({ ...rest, points: { show: false }, value: (chart, value, k, at) => edge && value != null ? `${number(value)} to ${number(chart.data[k + 1][at])}` : number(value) }))],
+      bands: series[0].edge ? [{ series: [2, 1], fill: color("--shade") }] : undefined,
       hooks: { drawClear: [chart => this.shade(chart, floor, zero, limited ? this.limit : null)], setSelect: [chart => this.selected(chart)],
         setCursor: [chart => chart.cursor.event && chart.cursor.left >= 0 && this.plots.page.at(this.segment, chart.posToVal(chart.cursor.left, "x"))] },
     };
