@@ -249,6 +249,8 @@ def test_parameters_conditions_and_ways_that_were_left(browser: Browser, tmp_pat
         expect(page.locator("[id='tile time since start [s] 5 heater2']")).to_be_visible()
         page.locator("[id='residual details'] summary").click()
         expect(page.locator("[id='residual details'] canvas")).to_have_count(2)
+        ellipses = page.get_by_role("img", name=re.compile("^95 % ellipse of "))
+        expect(ellipses).to_have_count(3)  # of the pairs of three parameters
         for effect, place in (("sensor_lag", "*"), ("conduction", "heater1~heater2")):
             if page.locator("#other").get_attribute("open") is None:
                 page.locator("#other summary").click()

@@ -378,7 +378,7 @@ export function chartOf(parent, { title, x, xLabel, lines, band }) {
   parent.append(element);
   new uPlot({
     width: element.clientWidth || 380, height: 200, padding: [8, 8, 0, 0], legend: { show: false }, cursor: { drag: { x: false, y: false } },
-    scales: { x: { time: false } },
+    scales: { x: { time: false }, y: { range: (_, low, high) => limits(low, high, ...band ? [-band, band] : []) } },
     axes: [{ ...axis, label: xLabel, labelSize: 16, size: 34 }, { ...axis, size: 46 }],
     series: [{}, ...lines.map(({ label, dash }) => ({ label, dash, stroke: color(dash ? "--soft" : "--now"), width: 1.5, points: { show: false } }))],
     hooks: { drawClear: [chart => {
