@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from lptn.logs import bags
+from lptn.logs.bag_messages import quantities
 from lptn.logs.columns import ColumnSource
 from lptn.logs.reading import open_log, read_log
 
@@ -196,6 +197,28 @@ def test_messages_of_a_maker_s_own_type(recorder: Recorder, tmp_path: Path) -> N
         (run,) = read_log(path, columns)
         np.testing.assert_allclose(run.temperature("hip"), 20.0 + np.arange(30))
         np.testing.assert_allclose(run.columns["torque.knee"], 2.5)
+
+
+UNITREE = {
+    "unitree_go/msg/MotorState": "uint8 mode\nfloat32 q\nfloat32 dq\nfloat32 tau_est\nuint8 temperature\n",
+    "unitree_go/msg/LowState": "unitree_go/MotorState[20] motor_state\nuint32 tick\n",
+}
+
+
+def test_low_states_of_a_unitree_quadruped_are_known_by_its_order_of_motors(recorder: Recorder, tmp_path: Path) -> None:
+    for name, text in UNITREE.items():
+        recorder.store.register(typesys.get_types_from_msg(text, name))
+    for k in range(30):
+        motors = [recorder.make("unitree_go/MotorState", 1, 0.1, -0.5 * m, 1.0 + m, 30 + m + k // 3) for m in range(20)]
+        recorder.send("/lowstate", 1.0 * k, recorder.make("unitree_go/LowState", motors, k))
+    recorder.writer.close()
+    (run,) = read_log(tmp_path / "bag")
+    for motor, joint in ((0, "FR_hip"), (4, "FL_thigh"), (8, "RR_calf"), (11, "RL_calf")):
+        np.testing.assert_allclose(run.temperature(joint), 30 + motor + np.arange(30) // 3, atol=0.5)
+        np.testing.assert_allclose(run.columns[f"torque.{joint}"], 1.0 + motor)
+        np.testing.assert_allclose(run.columns[f"velocity.{joint}"], 0.5 * motor)  # of magnitudes
+    assert len([name for name in run.columns if name.startswith("temperature.")]) == 12
+    assert not quantities({"/lowstate": ("unitree_hg/msg/LowState", ["motor_state[0].dq"])})  # of a humanoid
 
 
 MIXED = {

@@ -281,6 +281,48 @@ def test_a_vesc_log_is_known_by_its_names_over_midnight(tmp_path: Path) -> None:
     assert any('amperes = "amplitude"' in note for note in run.notes)
 
 
+def test_a_table_of_moteus_registers_is_known_in_its_own_units(tmp_path: Path) -> None:
+    time = np.arange(300.0)
+    columns = {
+        "time": time, "MODE": 10, "POSITION": 0.1 * time, "VELOCITY": 1.5, "TORQUE": 2.0, "Q_CURRENT": -4.0,
+        "D_CURRENT": 3.0, "POWER": 30.0, "MOTOR_TEMPERATURE": 25 + 0.05 * time, "VOLTAGE": 24.0,
+        "TEMPERATURE": 30 + 0.02 * time, "FAULT": 0,
+    }  # fmt: skip
+    pd.DataFrame(columns).to_csv(tmp_path / "moteus.csv", index=False)
+    inputs = ["current.motor", "torque.motor", "velocity.motor", "power.motor"]
+    (run,) = read_log(tmp_path / "moteus.csv", inputs=inputs, outputs=["temperature.motor", "temperature.board"])
+    np.testing.assert_allclose(run.temperature("motor"), 25 + 0.05 * time)
+    np.testing.assert_allclose(run.temperature("board"), 30 + 0.02 * time)
+    found = [float(run.columns[name].mean()) for name in inputs]
+    np.testing.assert_allclose(found, [5.0, 2.0, 3 * np.pi, 30.0])  # registers' turns a second
+    assert any("known by moteus's names; torque and speed are those of its output shaft" in one for one in run.notes)
+
+
+@pytest.mark.parametrize("foc", ["current_control", "foc"])
+@pytest.mark.parametrize(("own", "place"), [("", "axis0"), ("odrv1.", "odrv1_axis0")])
+def test_a_table_of_an_odrives_properties_is_known_by_their_paths(
+    own: str, place: str, foc: str, tmp_path: Path
+) -> None:
+    time = np.arange(300.0)
+    axis = f"{own}axis0"
+    columns = {
+        "time": time,
+        f"{axis}.motor.{foc}.Iq_measured": 12.0,
+        f"{axis}.motor.{foc}.Id_measured": 5.0,
+        f"{axis}.{'encoder.' if foc != 'foc' else ''}vel_estimate": -2.0,
+        f"{axis}.motor.motor_thermistor.temperature": 25 + 0.05 * time,
+        f"{axis}.motor.fet_thermistor.temperature": 30 + 0.02 * time,
+        f"{own}axis1.motor.fet_thermistor.temperature": 21.0,
+    }
+    pd.DataFrame(columns).to_csv(tmp_path / "odrive.csv", index=False)
+    inputs, outputs = [f"current.{place}", f"velocity.{place}"], [f"temperature.{place}", f"temperature.{place}_mosfet"]
+    (run,) = read_log(tmp_path / "odrive.csv", inputs=inputs, outputs=outputs)
+    np.testing.assert_allclose(run.temperature(place), 25 + 0.05 * time)
+    np.testing.assert_allclose(run.temperature(f"{place}_mosfet"), 30 + 0.02 * time)
+    np.testing.assert_allclose([run.columns[name].mean() for name in inputs], [13.0, 4 * np.pi])
+    assert any("known by ODrive's names" in note and 'amperes = "amplitude"' in note for note in run.notes)
+
+
 def test_what_is_logged_on_change_or_once_stands_until_the_next(tmp_path: Path) -> None:
     """A torque that is written when it changes, once in a minute, and the room's temperature that is written once."""
     time = np.arange(600.0)

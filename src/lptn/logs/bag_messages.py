@@ -105,13 +105,19 @@ def label_of(message: Any) -> Hashable:
 
 _INTERFACES = {
     **dict.fromkeys(("temperature", "motor_temperature", "winding_temperature"), "temperature"),
-    **dict.fromkeys(("effort", "torque"), "torque"),
+    **dict.fromkeys(("effort", "torque", "tau_est", "tauEst"), "torque"),
     **dict.fromkeys(("current", "motor_current"), "current"),
+    "dq": "velocity",
     **{name: name for name in ("velocity", "powered", "power", "torque_abs", "mechanical_power")},
 }
 # Words of topics that name a command and no reading.
 _COMMANDED = {"cmd", "command", "commands", "desired", "target", "ref", "reference", "setpoint"}
-_TYPES = ("JointState", "DynamicJointState", "Temperature", "Odometry", "TwistStamped")
+_UNITREE = ("unitree_go/msg/LowState", "unitree_legged_msgs/msg/LowState")
+"""Of Unitree's quadrupeds; humanoids (unitree_hg) have other orders of motors, and two temperatures each."""
+_LEGS = [f"{leg}_{joint}" for leg in ("FR", "FL", "RR", "RL") for joint in ("hip", "thigh", "calf")]
+"""Motors of Unitree's quadrupeds in their order, by its SDK, as its URDFs call them."""
+_MOTOR = re.compile(r"motor_?[sS]tate\[(\d+)\]\.(temperature|tau_?[eE]st|dq)")
+_TYPES = ("JointState", "DynamicJointState", "Temperature", "Odometry", "TwistStamped", *_UNITREE)
 
 
 def quantities(topics: Mapping[str, tuple[str, Sequence[str]]]) -> dict[str, ColumnSource]:
@@ -122,7 +128,7 @@ def quantities(topics: Mapping[str, tuple[str, Sequence[str]]]) -> dict[str, Col
     sources: dict[str, ColumnSource] = {}
     for kind in _TYPES:
         for topic, (own, names) in topics.items():
-            if own.endswith(f"/{kind}") and not _COMMANDED.intersection(words_of(topic)):
+            if f"/{own}".endswith(f"/{kind}") and not _COMMANDED.intersection(words_of(topic)):
                 for key, *columns in _known(kind, topic, names):
                     if is_key(key):
                         sources.setdefault(key, ColumnSource(tuple(f"{topic}.{name}" for name in columns)))
@@ -139,6 +145,9 @@ def _known(kind: str, topic: str, names: Sequence[str]) -> Iterator[tuple[str, .
         for name in names:
             joint, _, interface = name.rpartition(".")
             yield f"{_INTERFACES.get(interface, '')}.{joint}", name
+    elif kind in _UNITREE:
+        motors = [motor for name in names if (motor := _MOTOR.fullmatch(name)) and int(motor[1]) < len(_LEGS)]
+        yield from ((f"{_INTERFACES[motor[2]]}.{_LEGS[int(motor[1])]}", motor[0]) for motor in motors)
     elif kind == "Temperature":
         words = [word for word in topic.split("/") if word and word not in {"temperature", "temp"}]
         place = "_".join(words).removesuffix("_temperature").removesuffix("_temp").removeprefix("temperature_")

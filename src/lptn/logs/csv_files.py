@@ -23,7 +23,7 @@ from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import pandas as pd
 
@@ -325,7 +325,7 @@ def _table_of_text(path: Path, opened: Callable[[], BinaryIO], row: str, kind: s
             table.note(f"log: {len(words)} lines below its names hold words and no number; left out.")
         return frame.set_axis(list(wanted), axis="columns")
 
-    units, (known, said) = dict(zip(names, layout.units, strict=False)), _vesc_columns(names)
+    units, (known, said) = dict(zip(names, layout.units, strict=False)), _known_columns(names)
     notes = [*notes, *said]
     table = Table(path, names, read, lambda k: f"{row} {kept[k]}", kind, defaults=known, notes=notes, units=units)
     return table
@@ -426,28 +426,80 @@ def _parsed(
     return whole
 
 
-# --- Tables that VESC Tool and its kin write ---------------------------------------------------------------
+# --- Tables of drives, known by their makers' names --------------------------------------------------------
 
-_VESC = {
-    "time": ColumnSource(("ms_today",), "ms", wrap=1000 * DAY),
-    "temperature.motor": ColumnSource(("temp_motor",), "degC"),
-    "temperature.mosfet": ColumnSource(("temp_mos_max",), "degC"),
-    "current.motor": ColumnSource(("d_axis_current", "q_axis_current")),
-    "power.battery": ColumnSource(("input_voltage", "current_in"), how="product"),
-    "speed.base": ColumnSource(("speed_meters_per_sec",)),
+
+class _Maker(NamedTuple):
+    """A drive's names, in the units that it writes.
+
+    Args:
+        known: where quantities stand; of two entries of one quantity the first that is there.
+        always: names that each of its tables has.
+        said: what else a reader must know.
+    """
+
+    known: Sequence[tuple[str, ColumnSource]]
+    always: frozenset[str]
+    said: str
+
+
+_PEAKS = 'its currents are peaks: amperes = "amplitude"'
+_MAKERS = {
+    # Electrical turns a minute are no speed without the pole pairs.
+    "VESC": _Maker(
+        (
+            ("time", ColumnSource(("ms_today",), "ms", wrap=1000 * DAY)),
+            ("temperature.motor", ColumnSource(("temp_motor",), "degC")),
+            ("temperature.mosfet", ColumnSource(("temp_mos_max",), "degC")),
+            ("current.motor", ColumnSource(("d_axis_current", "q_axis_current"))),
+            ("power.battery", ColumnSource(("input_voltage", "current_in"), how="product")),
+            ("speed.base", ColumnSource(("speed_meters_per_sec",))),
+        ),
+        frozenset(("ms_today", "temp_motor", "temp_mos_max")),
+        _PEAKS,
+    ),
+    # Registers as moteus' Python library calls them, in the units of its register reference.
+    "moteus": _Maker(
+        (
+            ("temperature.motor", ColumnSource(("MOTOR_TEMPERATURE",), "degC")),
+            ("temperature.board", ColumnSource(("TEMPERATURE",), "degC")),
+            ("torque.motor", ColumnSource(("TORQUE",))),
+            ("current.motor", ColumnSource(("D_CURRENT", "Q_CURRENT"))),
+            ("velocity.motor", ColumnSource(("VELOCITY",), "turn/s")),
+            ("power.motor", ColumnSource(("POWER",))),
+        ),
+        frozenset(("time", "MODE", "TORQUE", "TEMPERATURE")),
+        "torque and speed are those of its output shaft",
+    ),
 }
-"""By quantity, in the units that VESC writes them in. Electrical turns a minute are no speed without the pole pairs."""
-_ALWAYS = {"ms_today", "temp_motor", "temp_mos_max"}
+# The paths of an ODrive's properties, behind its axis (and its own name): firmware 0.5, then 0.6.
+_ODRIVE = (
+    ("temperature.{}", ColumnSource(("motor.motor_thermistor.temperature",), "degC")),
+    ("temperature.{}_mosfet", ColumnSource(("motor.fet_thermistor.temperature",), "degC")),
+    ("current.{}", ColumnSource(("motor.current_control.Id_measured", "motor.current_control.Iq_measured"))),
+    ("current.{}", ColumnSource(("motor.foc.Id_measured", "motor.foc.Iq_measured"))),
+    ("velocity.{}", ColumnSource(("encoder.vel_estimate",), "turn/s")),
+    ("velocity.{}", ColumnSource(("vel_estimate",), "turn/s")),
+)
+_AXIS = re.compile(r"((?:\w+\.)?axis\d)\.motor\.(?:motor|fet)_thermistor\.temperature")
 
 
-def _vesc_columns(names: Sequence[str]) -> tuple[dict[str, ColumnSource], list[str]]:
-    """What is known of a table of these columns, and a note on it; nothing of one that VESC Tool did not write."""
-    there = set(names)
-    if not there.issuperset(_ALWAYS):
-        return {}, []
-    known = {key: source for key, source in _VESC.items() if there.issuperset(source.columns)}
-    note = f"{', '.join(known)}: known by VESC's names"
-    return known, [note + ('; its currents are peaks: amperes = "amplitude".' if "current.motor" in known else ".")]
+def _known_columns(names: Sequence[str]) -> tuple[dict[str, ColumnSource], list[str]]:
+    """Where the quantities of a table stand that a drive wrote, and a note on it; nothing of other tables."""
+    there, known, notes = set(names), dict[str, ColumnSource](), list[str]()
+    axes = dict.fromkeys(match[1] for name in names if (match := _AXIS.fullmatch(name)))
+    of_axes = [
+        (key.format(axis.replace(".", "_")), replace(source, columns=tuple(f"{axis}.{one}" for one in source.columns)))
+        for axis in axes
+        for key, source in _ODRIVE
+    ]
+    for name, maker in (_MAKERS | {"ODrive": _Maker(of_axes, frozenset(), _PEAKS)}).items():
+        if there.issuperset(maker.always):
+            own = {key: source for key, source in reversed(maker.known) if there.issuperset(source.columns)}
+            own = {key: own[key] for key, _ in maker.known if key in own}
+            known |= own
+            notes += [f"{', '.join(own)}: known by {name}'s names; {maker.said}."] if own else []
+    return known, notes
 
 
 # --- Spreadsheets, as the text that a program would save of the sheet that holds a table ------------------
