@@ -308,9 +308,10 @@ def test_what_the_fitted_run_is_sure_of_stands_beside_a_run_of_another_motor(
 @pytest.mark.parametrize(
     ("heat_held_out", "left", "verdict", "told"),
     [
-        (5.0, 0.6, "missing", 0.9),
-        (5.0, 0.8, "unexplained", 0.9 * 0.36),
-        (5.0, 1.1, "unexplained", None),
+        (5.0, 1.1, "missing", 0.9),
+        (4.0, 0.6, "missing", 0.9),
+        (4.0, 0.8, "unexplained", 0.9 * 0.36),
+        (4.0, 1.1, "unexplained", 0.9 * 0.195),
         (-2.0, 0.8, "unexplained", None),
     ],
 )

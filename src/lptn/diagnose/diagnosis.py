@@ -3,8 +3,9 @@
 The model is fitted as it stands, on means over 5 s. Where that leaves more than noise, `lptn.diagnose.composition` says
 what is missing. The verdict: `"adequate"` if no more is left than noise and usual errors of the log leave, in held-out
 runs too, and nothing is missing more probably than not; `"missing"` if what was found leaves no more than that on the
-fitted runs, or removes more of the misfit than it leaves, on held-out runs too; else `"unexplained"`, and what was
-found is told beside that unless it removes nothing, or predicts held-out runs worse.
+fitted runs, or removes more of the misfit than it leaves, on held-out runs too, as logged or beside what their logs may
+be off by; else `"unexplained"`, and what was found is told beside that unless it removes nothing, or predicts held-out
+runs worse.
 """
 
 from __future__ import annotations
@@ -226,9 +227,11 @@ def examine(
     remaining: Verdict = "unexplained" if made.after.is_lacking() else "adequate"
     verdict, refused, rivals = remaining, made.refused, made.rivals
     if steps:
-        before, after = made.before.left_of_held_out, made.after.left_of_held_out
-        pairs = [(base.rmse, made.fit.rmse), *([(before, after)] if before and after else [])]
-        share = max(0.0, min(explained_share(base, *pair) for pair in pairs))
+        shares = [explained_share(base, base.rmse, made.fit.rmse)]
+        if given and last:  # an error of the log hides it as logged; what such an error could stand for, beside these
+            left = made.before.left_of_held_out or 0.0, made.after.left_of_held_out or 0.0
+            shares.append(max(explained_share(base, *pair) for pair in ((given.rmse, last.rmse), left)))
+        share = max(0.0, min(shares))
         explained = share > 0.5 or not made.after.is_lacking(held_out=False)  # more than is left, or all of it
         verdict = "missing" if explained else "unexplained"
         if not explained:  # something without a name is at work, and may have made what they explain
