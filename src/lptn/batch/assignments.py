@@ -93,7 +93,7 @@ def _name(operations: Operations, value: int) -> str:
 def _constant(number: float, language: Mapping[str, str]) -> tuple[str, int]:
     text = repr(number)
     if language is C:
-        text = text.replace("inf", "INFINITY").replace("nan", "NAN")
+        return f"HEAT_NUMBER({text.replace('inf', 'INFINITY').replace('nan', 'NAN')})", _ATOM  # of the file's own type
     return text, _PRECEDENCE["NEG"] if text.startswith("-") else _ATOM
 
 
