@@ -70,7 +70,15 @@ def studied(bench: Bench, nodes: int) -> WorkbenchSession:
         ]
         old = next(iter(content["tiles"].values()))
         tiles = {which: [row[k] for k in wide] for which, row in old.items()}
-        content |= {"nodes": names, "segments": segments, "tiles": {one["key"]: tiles for one in segments}}
+        issue = {"run": "stand", "key": f"temperature.{names[0]}", "place": names[0], "kind": "spike", "stretch": None}
+        long = f'--map "temperature.{names[0]}={names[0]}_temperature[invalid=85]"'  # a word that is wider than a telephone
+        issues = [issue | {"problem": "1 reading of exactly 85 °C", "remedy": f"write {long}"}]
+        content |= {
+            "nodes": names,
+            "segments": segments,
+            "issues": issues,
+            "tiles": {one["key"]: tiles for one in segments},
+        }
         for column in (column for columns in content["conditions"].values() for column in columns):
             own = [column["tiles"][k] for k in wide]
             column["tiles"] = [tile and tile | {"segment": segments[0]["key"]} for tile in own]

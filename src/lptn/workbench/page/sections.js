@@ -19,6 +19,7 @@ export const kelvin = value => value == null ? "–" : `${digits(value)} K`;
 const unit = each => each.unit.replaceAll("*", "·");
 const MOST_COLOUR = 55;  // % of a tile: its number keeps a contrast of 4.5 in light and dark (WCAG 2.2, 1.4.3)
 const HEADS_ABREAST = 3;  // names of runs that stand beside each other; those of more stand upright
+const OPEN_ISSUES = 5;  // of the logs; a longer list is folded: it would push all below it off the screen
 const LARGEST = 1e12;  // what no bound of nature's bounds is declared to reach so far
 const signed = value => `${value < 0 ? "−" : "+"}${Math.abs(value) < 9.95 ? Math.abs(value).toPrecision(2) : Math.abs(value).toFixed(0)}`;
 const capital = text => text.charAt(0).toUpperCase() + text.slice(1);
@@ -268,7 +269,8 @@ export function data(page) {
     contents.map(([label, text]) => h("p", null, h("small", null, h("b", null, `${label}: `), text))),
     stretches.length ? h("ul", { className: "plain" }, stretches.map(again)) : null,
     stretches.length > 1 ? h("p", null, h("button", { id: "use_all", disabled: busy, onclick: () => page.order({ what: "use_all" }) }, "Use all data again")) : null,
-    issues.length ? h("ul", null, issues.map(each => h("li", null, `${each.run}, ${each.key}: ${each.problem}; `, h("span", { className: "soft" }, `${each.remedy}.`))))
+    issues.length ? h("details", { id: "issues", open: issues.length <= OPEN_ISSUES }, h("summary", null, `${issues.length} ${issues.length > 1 ? "things look" : "thing looks"} wrong in the logs`),
+      h("ul", null, issues.map(each => h("li", null, `${each.run}, ${each.key}: ${each.problem}; `, h("span", { className: "soft" }, `${each.remedy}.`)))))
       : h("p", { className: "soft" }, "Nothing looks wrong in the logs."),
     notes.filter(note => !issues.some(each => note.includes(each.key))).map(note => h("p", null, h("small", null, note))),
     parameters && parameterTable(page)];
