@@ -71,7 +71,7 @@ def studied(bench: Bench, nodes: int) -> WorkbenchSession:
         old = next(iter(content["tiles"].values()))
         tiles = {which: [row[k] for k in wide] for which, row in old.items()}
         issue = {"run": "stand", "key": f"temperature.{names[0]}", "place": names[0], "kind": "spike", "stretch": None}
-        long = f'--map "temperature.{names[0]}={names[0]}_temperature[invalid=85]"'  # a word that is wider than a telephone
+        long = f'--map "temperature.{names[0]}={names[0]}_temperature[invalid=85]"'  # wider than a telephone
         issues = [issue | {"problem": "1 reading of exactly 85 °C", "remedy": f"write {long}"}]
         content |= {
             "nodes": names,
