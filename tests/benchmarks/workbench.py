@@ -68,7 +68,7 @@ def session(nodes: int, readings: int) -> WorkbenchSession:
     content = {
         "name": "made up",
         "nodes": list(names),
-        "segments": [segment | {"from": 0.0, "to": float(readings)}],
+        "segments": [segment | {"signals": [], "from": 0.0, "to": float(readings)}],
         **{
             name: []
             for name in ("issues", "stretches", "undone", "branches", "advice", "commands", "contents", "parameters")

@@ -196,7 +196,9 @@ class View {
 
   choose(signals) {
     const { page } = this.plots, own = page.state.written.plots, without = each => own.with(this.number, own[this.number].filter(other => other !== each));
-    this.signals = signals;
+    const chosen = JSON.stringify([own, signals, this.run]);
+    if (this.chosen === chosen) return;  // a button that is made anew under the mouse is not clicked
+    Object.assign(this, { signals, chosen });
     const chip = each => [h("button", { className: "chip", ariaLabel: `Remove ${each}`, onclick: () => page.order({ what: "note", plots: without(each) }) }, broken(each)), " "];
     this.title.replaceChildren(...own[this.number].flatMap(chip), h("small", null, `in ${this.run.run} (${this.run.job})`));
     if (!signals.length) { this.charts.forEach(each => each.destroy()); Object.assign(this, { charts: [], made: "", wanted: "" }); }
