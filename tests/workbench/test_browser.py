@@ -181,7 +181,11 @@ def test_a_plot_is_turned_limited_recoloured_and_taken_away(browser: Browser, tm
             content = Path(download.value.path()).read_bytes()
             assert content.startswith(begins)
             if kind == "SVG":
-                assert ElementTree.fromstring(content).findall("{http://www.w3.org/2000/svg}path")
+                drawing = ElementTree.fromstring(content)
+                assert drawing.findall("{http://www.w3.org/2000/svg}path")
+                said = [text.text for text in drawing.findall("{http://www.w3.org/2000/svg}text")]
+                legend = [text for text in said if text and text.startswith("— ")]
+                assert legend[:3] == ["— 95 % band", "— measured", "— model as given"]
             if kind == "CSV":  # with the neighbours of the window's ends, that lines run to the edge
                 times = [float(line.partition(b",")[0]) for line in content.splitlines()[1:]]
                 assert [times[0], times[-1]] == pytest.approx([150, 450], abs=3)

@@ -3,7 +3,7 @@
 import { color } from "/look.js";
 
 const HEAD = 26, LEGEND = 20, LEFT = 62, FONT = "12px system-ui, sans-serif";  // px: of a title, of a legend's line, of axes
-const legend = chart => chart.series.slice(1).filter(each => each.show && each.label).map(({ label, _stroke, stroke }) => [label, _stroke ?? stroke()]);
+const legend = chart => chart.series.slice(1).filter(each => each.show && each.class !== "edge").map(({ label, _stroke, stroke }) => [label, _stroke ?? stroke()]);
 
 // Where each chart of a view stands under the title and its own legend.
 function layout(view) {
