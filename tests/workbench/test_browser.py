@@ -311,7 +311,7 @@ def test_zoom_and_a_stretch_left_out(browser: Browser, tmp_path: Path) -> None:
         expect(last.locator(".u-over")).to_have_count(2)
         page.locator("[id='tile fit 0 heater1']").click()
         page.locator(".u-over").first.hover()  # the network goes with the mouse
-        expect(page.locator("#network p")).to_contain_text(re.compile(r"^log at 16\d"))
+        expect(page.locator("#network small")).to_contain_text(re.compile(r"^log at 16\d"))
         page.locator("[data-link='ambient~heater1']").click(force=True)
         expect(page.locator("[id='edit resistance.ambient~heater*']")).to_be_visible()
         expect(page.locator("[id='set value']")).to_be_visible()

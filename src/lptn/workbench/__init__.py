@@ -1,6 +1,6 @@
 """The workbench: a study as a page in the browser of this machine.
 
-The room has some 3,300 lines, not 2,500: it begins with logs (`desk.py`), and holds what `lptn check` says of one
+The room has some 3,400 lines, not 2,500: it begins with logs (`desk.py`), and holds what `lptn check` says of one
 (`log_content.py`), for command and page alike.
 """
 
