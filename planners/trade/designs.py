@@ -25,7 +25,8 @@ from .study import BUDGETS, Option
 
 _LEAST_STEPS, _MOST_STEPS = 2, 10
 """In each part of a cycle: at least, and for maps at most, where the network has faster rates."""
-_HOT = 2000.0  # degC; what runs away is held here instead of overflowing
+_HIGHEST_LIMIT = 500.0  # degC, of a study's file
+_HOT = 2 * _HIGHEST_LIMIT  # what runs away is held here instead of overflowing
 
 
 class Simulator:
@@ -106,21 +107,24 @@ class Simulator:
         return self._at(self._step, x, self._drive(drive), *self._sink, np.atleast_2d(h))
 
     def steady(self, drive: FloatArray) -> FloatArray:
-        """States that no longer change, shape (states, cases); infinite where there are none.
+        """States that no longer change, shape (states, cases); infinite where there are none below the highest limit.
 
         By Newton's method; beyond runaway the balance has a root below the air's temperature, which is no state.
         """
         ambient = self.option.study.task.ambient
         x = np.full((len(self.plant.states), np.shape(drive)[-1]), ambient + 20.0)
         for _ in range(30):
-            step = self._at(self._newton, x, self._drive(drive), *self._sink)
-            x = x - step
-            if np.abs(step).max() < 1e-9 * np.abs(x).max():
+            before, step = x, self._at(self._newton, x, self._drive(drive), *self._sink)
+            # Not beyond: a film that grows with temperature overflows there.
+            x = np.clip(np.nan_to_num(x - step, nan=_HOT), ambient - 5.0, _HOT)
+            moved = np.abs(x - before).max(axis=0)
+            if moved.max() < 1e-9 * np.abs(x).max():
                 break
         n, cases = x.shape
         slope = self._at(self._jacobian, x, self._drive(drive), *self._sink).reshape(n, cases, n).transpose(1, 0, 2)
         stable = np.linalg.eigvals(slope).real.max(axis=1) < 0
-        return np.where(stable & (x.min(axis=0) > ambient - 1.0), x, np.inf)
+        found = stable & (moved < 1e-6) & (x.min(axis=0) > ambient - 1.0) & (x.max(axis=0) < _HIGHEST_LIMIT)
+        return np.where(found, x, np.inf)
 
     def equivalent(self, torque: FloatArray) -> FloatArray:
         """The steady load, shape (3, n), that needs the cycle's RMS torque of the rotor at its RMS speed, for peak

@@ -123,7 +123,8 @@ def fan_driven_air(
     """
     lost = AIR_DENSITY * (0.5 + 0.1328)
     shut = float(pressure[0])
-    speed = np.sqrt(shut / lost) * np.linspace(1e-2, 1 - 1e-6, 200)  # from hardly any, at the most flow
+    # From hardly any, at the most flow, where the film falls like a root: no fins take more air than the fan has.
+    speed = np.sqrt(shut / lost) * np.linspace(1e-3, 1 - 1e-6, 200) ** 2
     moved = np.interp(lost * speed**2, pressure[::-1], flow[::-1])
     air = blown_air(speed, height)
     used = air.film * fin_efficiency(air.film, thickness, depth, conductivity)

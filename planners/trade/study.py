@@ -50,7 +50,6 @@ GOALS: dict[Goal, tuple[str, str, bool]] = {
     "price": ("price", "", False),
 }
 """For each goal its words, its unit, and whether more is better; the unit of prices is the study's currency."""
-_CONVECTION = "natural_convection"
 SINK = "sink"
 """The heat sink's node; a motor's own model may have one."""
 BUDGETS: tuple[str, ...] = ("mass", "volume", "price")
@@ -533,7 +532,7 @@ class Option:
             is_blown = self.cooling == "fan"
             air = blown_air(fan.speed, sink.fin_height) if is_blown else still_air(sink.excess, sink.fin_height)
             used, spacing = air.film * fin_efficiency(air.film, *fins), air.spacing
-        rises = [e.parameters[0].value for e in self.study.effects if e.at == SINK and e.effect.key == _CONVECTION]
+        rises = [effect.parameters[0].value for effect in self._effects if _is_film_of_sink(effect)]
         used *= math.exp(-sink.excess * sum(rises))
         return SinkNumbers(used, sink.fin_thickness, spacing, metal.density, metal.specific_heat, metal.price or 0.0)
 
@@ -547,6 +546,11 @@ class Option:
             own["pipe_power"] = self.pipes * self.study.pipes.power
         return own | self.study.limits.given
 
+    @property
+    def _effects(self) -> list[EffectDeclaration]:
+        """Of the study; what a fan blows at has no film of its own warmth."""
+        return [effect for effect in self.study.effects if self.cooling != "fan" or not _is_film_of_sink(effect)]
+
     def network(self) -> Network:
         """The motor's network with the sink on it, or as it is, and the effects of study and gear.
 
@@ -554,7 +558,7 @@ class Option:
             InputError: the network has a sink's node that is not linked as a sink's is, or no place for an effect.
         """
         network, gear = self._with_sink(), self.gear
-        effects = [effect for effect in self.study.effects if effect.at != SINK or SINK in network.dynamic]
+        effects = [effect for effect in self._effects if effect.at != SINK or SINK in network.dynamic]
         if gear.heats is not None:
             gain = Parameter("gain", 1.0, "1", (0.0, 1.0))
             heat = catalogue()["heat_input"]()
@@ -583,6 +587,10 @@ class Option:
             LinkDeclaration((SINK, air), _parameter("resistance", 1.0, "K/W")),
         )
         return replace(network, nodes=(*network.nodes, added), links=(*network.links, *links))
+
+
+def _is_film_of_sink(effect: EffectDeclaration) -> bool:
+    return effect.at == SINK and effect.effect.key == "natural_convection"
 
 
 def attachable(network: Network) -> list[str]:

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.planners.trade import Design, TradeStudy, solve_study
-from lptn.planners.trade.designs import peak_temperatures
+from lptn.planners.trade.designs import Simulator, peak_temperatures
 from tests.cooling import plain_sink as plain
 from tests.cooling.studies import study
 
@@ -92,6 +92,31 @@ def test_a_sink_radiates_and_its_film_grows_with_its_warmth() -> None:
     assert design.volume - plain.MOTOR_VOLUME == pytest.approx(
         fins / plain.DENSITY * (1 + spacing / plain.THICKNESS), rel=1e-4
     )
+
+
+def test_a_fans_sink_has_no_film_of_its_own_warmth() -> None:
+    radiates = AT_SINK[: AT_SINK.rindex("[[effects]]")]
+    with_it, without = (
+        _one(study("held_torque", f"duration = {HOUR}", "mass = 0.7", more=more, cooling='"fan"'))
+        for more in (AT_SINK, radiates)
+    )
+    assert with_it.value == pytest.approx(without.value, rel=1e-9)
+    assert with_it.volume == pytest.approx(without.volume, rel=1e-6)
+
+
+def test_a_steady_state_is_none_where_a_film_that_grows_would_overflow() -> None:
+    """Newton's method passes temperatures at which the film is beyond all numbers."""
+    asked = study("held_torque", f"duration = {HOUR}", "mass = 0.7", more=AT_SINK, cooling='"passive"')
+    (option,) = asked.options()
+    torques = np.linspace(0.0, 3.0, 200)
+    states = Simulator(option, (38.0, 10.0)).steady(torques)
+    settles = np.isfinite(states[0])
+    last = int(np.flatnonzero(settles)[-1])
+    assert settles[: last + 1].all()
+    assert np.all(np.diff(states[0, : last + 1]) > 0)
+    assert states[0, last] > 450.0
+    hour = _hottest(torques[75], 0.0, sink=(38.0, 10.0))
+    assert states[0, 75] == pytest.approx(hour, abs=0.5)
 
 
 def test_an_inverter_counts_by_its_mass_and_price() -> None:
@@ -224,6 +249,9 @@ def test_a_fan_moves_what_its_curve_lets_through_the_fins(limits: str) -> None:
             if fins <= metal and ("volume" not in limits or volume <= 1e-3):
                 least = min(least, float(other))
     assert least == pytest.approx(resistance, rel=0.006)
+    # Below the resistance whose fins take all the air that the fan has, none can be built.
+    numbers = design.option.sink(np.array([0.5, resistance]))
+    assert numbers.fin_share(1e4, 0.5)[0] > 1 > numbers.fin_share(1e4, resistance)[1]
 
 
 @pytest.mark.parametrize(
