@@ -228,7 +228,7 @@ def test_what_stands_in_place_of_a_common_effect_is_told_beside_its_size(missing
     common, own = (EffectDeclaration(SecondMass(), at, parts) for at in ("*", NODES[0]))
     made = continued(fit, fit.model.network.with_effects([common, own]))
     shared = made.model.named[common.shared_name("capacity")].value
-    assert size_text(Step(made, own), made).endswith(f" J/K in place of {short_size(shared)}")
+    assert size_text(Step(made, own), made).endswith(f" J/K where others have {short_size(shared)}")
     assert size_text(Step(made, common), made).endswith(" J/K")
 
 

@@ -130,7 +130,7 @@ def experiment_for(effect: type[Effect]) -> str:
 def size_text(step: Step, last: Fit) -> str:
     """The size of an effect with its standard error, such as `0.11 ± 0.014 W`; empty where it has none.
 
-    A deviation from the common value is printed with its sign; what stands in its place, beside it.
+    A deviation from the common value is printed with its sign; what a place has in place of it, beside it.
 
     Args:
         step: the effect.
@@ -144,7 +144,7 @@ def size_text(step: Step, last: Fit) -> str:
     text = f"{sign}{value_in_words(size.value, error, size.declared.unit_behind)}"
     common = last.model.network.instead_of(step.declaration)
     shared = last.model.named.get(common.shared_name(size.declared.name)) if common else None
-    return f"{text} in place of {short_size(shared.value)}" if shared else text
+    return f"{text} where others have {short_size(shared.value)}" if shared else text
 
 
 def value_in_words(value: float, error: float, unit: str) -> str:
