@@ -70,3 +70,16 @@ def test_a_given_temperature_is_surroundings_whatever_it_is_called() -> None:
     assert one.ambient == pytest.approx(4.0, abs=0.2)
     shed = excitation([run(room.assign(**{"temperature.shed": 10.0}))], NODES)
     assert shed.rise > one.rise
+
+
+def test_joints_that_work_in_turns_have_levels_and_cool_downs_of_their_own() -> None:
+    """The heat of both together is the same all the time."""
+    data = table().drop(columns="torque.b")
+    idle = np.abs(data["torque.a"]) < 0.5 * np.abs(data["torque.a"]).max()
+    top = float(np.abs(data["torque.a"]).max())
+    turns = data.assign(**{"torque.a": np.where(idle, 0.0, top), "torque.b": np.where(idle, top, 0.0)})
+    alone, both = (excitation([run(own)], NODES) for own in (turns.drop(columns="torque.b"), turns))
+    assert (both.levels, both.cool_downs, both.steps) == (alone.levels, alone.cool_downs, alone.steps)
+    assert both.levels == 2
+    assert both.cool_downs
+    assert both.still == 0.0

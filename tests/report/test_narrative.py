@@ -282,7 +282,10 @@ def test_an_error_like_the_noise_is_no_failure(adequate: Told, missing: Told) ->
     said, comparison = caption(adequate)
     assert comparison.all.rmse < 0.06
     assert said.endswith("No RMSE is much larger than the sensors' noise.")
-    assert re.search(r"Worst place of the model: \S+ in two, RMSE \S+ K, predicted too cold\.", caption(missing)[0])
+    assert re.search(
+        r"Worst place of the model: \S+ in two, RMSE \S+ K, predicted too cold; most at \d+ s, by \S+ K\.",
+        caption(missing)[0],
+    )
 
 
 def test_heat_that_is_drawn_as_sure_is_heat_that_is_said(adequate: Told) -> None:

@@ -104,6 +104,7 @@ def test_from_logs_to_an_fmu_with_the_mouse_alone(kind: str, browser: Browser, t
             mouse.click("make fmu")
         with zipfile.ZipFile(download.value.path()) as archive:
             assert "modelDescription.xml" in archive.namelist()
+        expect(page.locator("#out [role=status]")).to_contain_text("model.fmu is in your downloads, and in ")
         seconds = time.monotonic() - mouse.begun
         assert mouse.clicks == (5 if without_air else 4)
         print(f"{kind}: {mouse.clicks} clicks, {seconds:.0f} s")

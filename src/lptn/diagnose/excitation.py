@@ -43,15 +43,26 @@ def excitation(
     Args:
         runs: at least one.
         nodes: the model's nodes.
-        still: share of the largest load's heat below which a robot rests, but for what holds its weight and what
-            sensors read.
-        low: share below which what had settled cools to half its rise.
-        jump: share from one minute to the next that is beyond what a gait makes.
+        still: share of the largest load's heat, of all nodes together, below which a robot rests, but for what holds
+            its weight and what sensors read.
+        low: share of a node's largest below which what had settled cools to half its rise.
+        jump: share of a node's largest from one minute to the next that is beyond what a gait makes.
         cools: K in a time of little load: a step of a coarse sensor.
     """
     minutes = [_Minutes(run, nodes) for run in runs]
     most = max(float(own.load.max(initial=0.0)) for own in minutes)
     loads = [own.load / most if most > 0 else np.zeros(0) for own in minutes]
+    # Of a robot whose joints work in turns each has its own levels; what one sees most of is what logs can show.
+    levels, cool_downs, steps = int(most > 0), 0, 0
+    for node in nodes:
+        heated = [own for own in minutes if node in own.heats]
+        largest = max((float(own.heats[node].max(initial=0.0)) for own in heated), default=0.0)
+        if largest > 0:
+            of_node = [own.heats[node] / largest for own in heated]
+            levels = max(levels, _levels(of_node))
+            lows = zip(of_node, heated, strict=True)
+            cool_downs = max(cool_downs, sum(_cool_downs(load < low, own.cooling(node), cools) for load, own in lows))
+            steps = max(steps, sum(int((np.abs(np.diff(load)) > jump).sum()) for load in of_node))
     means: dict[str, list[FloatArray]] = {}
     for own in minutes:
         for column, values in own.means.items():
@@ -68,12 +79,10 @@ def excitation(
     return Excitation(
         minutes=sum(len(run) * run.step for run in runs) / 60,
         runs=len(runs),
-        levels=max(_levels(loads), int(most > 0)),
+        levels=levels,
         still=float(np.mean(np.concatenate(loads) < still)) if most > 0 else 0.0,
-        cool_downs=sum(
-            _cool_downs(load < low, own.temperatures, cools) for load, own in zip(loads, minutes, strict=True)
-        ),
-        steps=sum(int((np.abs(np.diff(load)) > jump).sum()) for load in loads),
+        cool_downs=cool_downs,
+        steps=steps,
         rise=max(own.rise for own in minutes),
         spread=max(own.spread for own in minutes),
         ambient=max((float(np.ptp(air)) for own in minutes for air in own.surroundings), default=0.0),
@@ -93,8 +102,9 @@ class _Minutes:
         self.means = {name: means_of_blocks(values, size) for name, values in inputs.items()}
         # Whatever it is called: a temperature that is given and not predicted.
         self.surroundings = [means for name, means in self.means.items() if name.startswith("temperature.")]
-        measured = [run.columns[f"temperature.{node}"] for node in nodes if run.has(f"temperature.{node}")]
-        self.temperatures = np.array([means_of_blocks(values, size) for values in measured])
+        measured = {node: run.columns[f"temperature.{node}"] for node in nodes if run.has(f"temperature.{node}")}
+        self._rows = {node: row for row, node in enumerate(measured)}
+        self.temperatures = np.array([means_of_blocks(values, size) for values in measured.values()])
         kinds = [
             {
                 node: means_of_blocks(np.abs(inputs[f"{kind}.{node}"]) ** power, size)
@@ -113,6 +123,11 @@ class _Minutes:
             self.rise = float(np.nanmax(self.temperatures - around)) if np.isfinite(around).any() else 0.0
             whole = self.temperatures[finite.all(axis=1)]
             self.spread = float(np.ptp(whole - whole[:1], axis=1).max()) if len(whole) > 1 else 0.0
+
+    def cooling(self, node: str) -> FloatArray:
+        """Temperatures of a node, shape (1, minutes); of all that are measured where its own is not."""
+        row = self._rows.get(node)
+        return self.temperatures if row is None else self.temperatures[[row]]
 
 
 def _levels(loads: Sequence[FloatArray]) -> int:

@@ -20,10 +20,10 @@ class Excitation:
     Args:
         minutes: length of all runs together.
         runs: how many there are.
-        levels: of load, distinct in one-minute means; 0 if no load is logged.
+        levels: of load, distinct in one-minute means, of the joint that has most of them; 0 if no load is logged.
         still: share of the time at rest.
-        cool_downs: stretches of less than half the largest load in which a node cools by 1 K and more.
-        steps: jumps of the load from one minute to the next by 30 % of the largest.
+        cool_downs: stretches of less than half the largest load in which a joint cools by 1 K and more, likewise.
+        steps: jumps of the load from one minute to the next by 30 % of the largest, likewise.
         rise: K, how far the hottest node gets above its surroundings, or above the start if those aren't logged.
         spread: K, the range of the difference between nodes; 0 with one node.
         ambient: K, largest range of the surroundings in a run; 0 if they aren't logged.

@@ -296,7 +296,7 @@ def comparison_narrative(comparison: Comparison) -> Narrative:
 
 
 def largest_error(comparison: Comparison) -> Sentence:
-    """The node and the run with the largest RMSE, and to which side the model is off there."""
+    """The node and the run with the largest RMSE, to which side the model is off there, and when most."""
     number, node = worst_view(comparison)
     prediction = comparison.predictions[number]
     errors = comparison.node(node, prediction)
@@ -304,7 +304,10 @@ def largest_error(comparison: Comparison) -> Sentence:
         return Sentence("Worst place", "No RMSE is much larger than the sensors' noise.")
     side = "hot" if errors.mean > 0 else "cold"
     text = "" if abs(errors.mean) < ONE_SIDED * errors.rmse else f", predicted too {side}"
-    return Sentence("Worst place", f"{node} in {prediction.segment.run.name}, RMSE {kelvin(errors.rmse)}{text}.")
+    run, row = prediction.segment.run, comparison.model.nodes.index(node)
+    when = run.time[np.nanargmax(np.abs(prediction.error[row]))] - run.origin
+    text += f"; most at {round(float(when))} s, by {kelvin(errors.max)}"
+    return Sentence("Worst place", f"{node} in {run.name}, RMSE {kelvin(errors.rmse)}{text}.")
 
 
 def versus_narrative(result: Versus) -> Narrative:

@@ -218,6 +218,7 @@ def _answers(study: Study, diagnosis: Diagnosis, bench: Bench) -> dict[str, Any]
         )
     return {
         "verdict": diagnosis.verdict,
+        "together": _error(diagnosis.steps[-1]) if diagnosis.steps else None,
         "answers": shown,
         "refused": [_place(step) for step in diagnosis.refused],
         "weighed": [_named(*one.candidate.key) | _tried(bench, one.candidate.key) for one in bench.weighed_only],

@@ -88,7 +88,8 @@ function take(state) {
   if (page.making && !state.busy && version >= page.making.version) {
     const { name } = page.making;
     page.making = null;
-    if (!state.failed) h("a", { href: `/result/${name}`, download: name }).click();
+    page.made = state.failed ? "" : name;
+    if (page.made) h("a", { href: `/result/${name}`, download: name }).click();
   }
   if (tried.includes(page.pinned)) page.attempt = page.pinned;  // a fit that was ordered to be tried is there
   else if (!tried.includes(page.attempt)) page.attempt = "";
@@ -141,7 +142,7 @@ export function draw() {
   redraw("signals", [state.written, picked[0]?.segment, state.segments, state.nodes, !!state.tiles, page.filter], () => signals(page));
   redraw("missing", [state.answers, state.advice, attempt, busy, state.fitted, state.now], () => sections.missing(page));
   redraw("data", [state.segments, state.issues, state.stretches, state.notes, busy, state.parameters, page.part, page.edited], () => sections.data(page));
-  redraw("out", [state.commands, state.python, busy, state.folder, state.fitted], () => sections.out(page));
+  redraw("out", [state.commands, state.python, busy, state.folder, state.fitted, page.made], () => sections.out(page));
   if (state.tiles) plots.draw();
   else plots.clear();
   residuals.draw();

@@ -237,10 +237,11 @@ export function missing(page) {
     answers.weighed.length ? h("details", { id: "weighed" }, h("summary", null, "Less probable: not fitted so far"),
       h("p", null, h("small", null, "Try fits one of them, and Add keeps that fit.")),
       h("ol", { className: "answers" }, answers.weighed.map(weighed))) : null,
-    answers.answers.length ? h("p", null, h("small", null, "Size and probability: with all answers in the model. Error: with this answer alone added and fitted; Add keeps that fit.")) : null,
+    answers.answers.length ? h("p", null, h("small", null, "Size ± standard error and probability: with all answers in the model. Error: with this answer alone added and fitted; Add keeps that fit.")) : null,
     state.advice.length ? h("details", { id: "advice", open: true }, h("summary", null, "What to do next"), state.advice.map(text => h("p", null, h("small", null, text)))) : null,
     // After a finished search there is nothing to add, and a second search finds the same.
-    answers.answers.length ? h("div", { className: "row" }, ask("improve", "Find and add automatically", !best && !busy)) : null, other];
+    answers.answers.length ? h("div", { className: "row" }, ask("improve", "Find and add automatically", !best && !busy),
+      answers.answers.length > 1 && state.steps.length === 1 ? h("span", { className: "soft" }, `all of them: ${now.holdout != null ? "held out" : "fitted"} ${digits(error(now))} → about ${digits(answers.together, 2)} K`) : null) : null, other];
 }
 
 // What was chosen here stays chosen while the section is made anew, as it is when an answer comes in the meantime.
@@ -316,6 +317,7 @@ export function out(page) {
   return [h("h2", null, "Take away"),
     h("div", { className: "row" }, h("a", { className: "button", id: "get model", href: "/model", download: "better.toml" }, "Model file"),
       made("report", "story.html", "Report to share"), made("fmu", "model.fmu", "FMU")),
+    page.made && h("p", { role: "status" }, `${page.made} is in your downloads, and in ${folder}.`),
     h("p", null, h("small", null, "The report is one HTML file, whose figures can be read and zoomed in any browser.")),
     h("details", { id: "commands" }, h("summary", null, "The same as commands"), h("pre", { tabIndex: 0 }, commands.join("\n"))),
     h("details", { id: "python" }, h("summary", null, "The same in Python"), h("pre", { tabIndex: 0 }, python)),
