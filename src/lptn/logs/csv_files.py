@@ -458,7 +458,8 @@ _MAKERS = {
         frozenset(("ms_today", "temp_motor", "temp_mos_max")),
         _PEAKS,
     ),
-    # Registers as moteus' Python library calls them, in the units of its register reference.
+    # Registers as moteus' Python library calls them, in the units of its register reference. POWER is left out: it
+    # is electrical, what the shaft delivers is in it.
     "moteus": _Maker(
         (
             ("temperature.motor", ColumnSource(("MOTOR_TEMPERATURE",), "degC")),
@@ -466,7 +467,6 @@ _MAKERS = {
             ("torque.motor", ColumnSource(("TORQUE",))),
             ("current.motor", ColumnSource(("D_CURRENT", "Q_CURRENT"))),
             ("velocity.motor", ColumnSource(("VELOCITY",), "turn/s")),
-            ("power.motor", ColumnSource(("POWER",))),
         ),
         frozenset(("time", "MODE", "TORQUE", "TEMPERATURE")),
         "torque and speed are those of its output shaft",
