@@ -413,6 +413,8 @@ class Study:
             logger.info("fitting %s at %s", step.effect, step.at)
             fitted = finished(refit(last.fit, step.declaration))
         done = replace(step, fit=fitted).judged_on(self.data)
+        # Among other answers a size may be sure that is not so alone.
+        done = replace(done, probability=min(done.probability, done.told_from_none))
         self._attempts.append((asked, last, done))
         return done
 

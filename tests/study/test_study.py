@@ -6,6 +6,7 @@ import logging
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from statistics import NormalDist
 from types import ModuleType
 from typing import Any
 
@@ -129,6 +130,15 @@ def test_a_diagnosis_is_a_table_and_its_best_answer_can_be_added(study: lptn.Stu
     assert diagnosis.best is not None
     step = study.add(diagnosis.best)
     assert (step.effect, step.at) == (table.loc[0, "effect"], table.loc[0, "place"])
+    study.undo()
+    # Among all answers the lag's time is known to a fifth; alone it is less sure, and said to be.
+    among = next(answer for answer in diagnosis.steps if answer.effect == "sensor_lag")
+    alone = study.add(among)
+    assert alone.size_parameter is not None
+    deviations = alone.size_parameter.value / alone.fit.standard_errors[alone.size_parameter.name]
+    assert deviations < 2.0
+    assert alone.probability == pytest.approx(2 * NormalDist().cdf(deviations) - 1)
+    assert alone.probability < among.probability
     study.undo()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import erf, sqrt
 
 import pandas as pd
 
@@ -104,6 +105,14 @@ class Step(Tabular):
         effect is there, its time constant or other shape; `None` as for `amplitude`.
         """
         return self._fitted(self.declaration.effect.size() if self.declaration else None)
+
+    @property
+    def told_from_none(self) -> float:
+        """The probability, by the fit's standard error, that the size is not none; 1 for an effect without a size."""
+        size = self.size_parameter
+        if size is None or not (error := self.fit.standard_errors.get(size.name)):
+            return 1.0
+        return erf(abs(size.value - (size.declared.off or 0.0)) / error / sqrt(2.0))
 
     def _fitted(self, parameter: Parameter | None) -> ParameterInstance | None:
         """A parameter of the effect as it was fitted."""
