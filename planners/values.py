@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, TypeVar
 
-import casadi as ca
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field
 
@@ -75,14 +74,6 @@ Span = Annotated[Ends[Of], BeforeValidator(_both_ends)]
 """Likewise; one number is both."""
 ByPlace = dict[str, Number]
 """Numbers by name or pattern; a later entry overrides an earlier one."""
-
-
-def between(at: Any, knots: Sequence[float] | FloatArray, values: Any) -> Any:
-    """A line through points, level beyond both ends, at a number, an array or a symbol; its values may be symbols."""
-    if isinstance(at, ca.SX):
-        inside = ca.fmin(ca.fmax(at, float(knots[0])), float(knots[-1]))
-        return ca.pw_lin(inside, ca.DM(list(knots)), values if isinstance(values, ca.SX) else ca.DM(list(values)))
-    return np.interp(at, knots, values)
 
 
 # --- numbers by place, or in order --------------------------------------------------------------

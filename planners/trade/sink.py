@@ -14,7 +14,8 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.toml import Strict
 from lptn.effects.base import Symbol
 
-from ..values import Conductivity, Density, NotNegative, SpecificHeat, between
+from ..values import Conductivity, Density, NotNegative, SpecificHeat
+from .curves import between
 
 AIR_CONDUCTIVITY, AIR_VISCOSITY, AIR_DIFFUSIVITY = 0.0267, 1.67e-5, 2.36e-5
 """Of air at 37 degC (W/(m K), m²/s, m²/s): [IncroperaDeWitt, table A.4]."""

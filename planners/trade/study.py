@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
-import casadi as ca
 import numpy as np
 from pydantic import (
     AfterValidator,
@@ -36,6 +35,7 @@ from lptn.model.network import EffectDeclaration, LinkDeclaration, Network, Node
 from lptn.model.tables import EffectTable
 
 from .. import values as si
+from .curves import EfficiencyMap, FanCurve, Share
 from .motors import CatalogueMotor, MotorLimits
 from .sink import MATERIALS, SinkMetal, SinkNumbers, blown_air, fan_driven_air, fin_efficiency, still_air
 
@@ -114,18 +114,6 @@ Choices = Annotated[Names[Of], Field(min_length=1)]
 """What may be chosen."""
 Parts = Annotated[list[Of], Field(min_length=2, max_length=400)]
 """A number for each equal part of a duty cycle."""
-Share = Annotated[Number, Field(gt=0, le=1)]
-_MOST_KNOTS = 40  # of a curve: each is a term of the program
-
-
-def _rising(knots: list[float]) -> list[float]:
-    if knots != sorted({*knots}):
-        raise ValueError("numbers that rise")
-    return knots
-
-
-Rising = Annotated[list[Of], Field(min_length=2, max_length=_MOST_KNOTS), AfterValidator(_rising)]
-"""Where a curve or a map has its points."""
 
 
 # --- tables of the file -------------------------------------------------------------------------
@@ -212,27 +200,6 @@ class Limits(MotorLimits):
     price: si.Positive | None = None
 
 
-class EfficiencyMap(Strict):
-    """Table `[gears.map]`: measured efficiencies, bilinear between them, level beyond."""
-
-    speed: Rising[si.NotNegative]  # rad/s, of the motor's shaft
-    torque: Rising[si.NotNegative]  # N*m, behind the gear
-    efficiency: Annotated[list[list[Share]], Field(max_length=_MOST_KNOTS)]  # a row for each torque
-
-    @field_validator("efficiency")
-    @classmethod
-    def _rows(cls, rows: list[list[float]], info: ValidationInfo) -> list[list[float]]:
-        wanted = [len(info.data.get("speed", ()))] * len(info.data.get("torque", ()))
-        if wanted and [len(row) for row in rows] != wanted:
-            raise ValueError(f"{len(wanted)} rows, one for each torque, of {wanted[0]} numbers, one for each speed")
-        return rows
-
-    def at(self, speed: Any, torque: Any) -> Any:
-        """Efficiency at a speed of the motor and a torque behind the gear."""
-        rows = [si.between(ca.fabs(speed), self.speed, row) for row in self.efficiency]
-        return si.between(torque, self.torque, ca.vertcat(*map(ca.SX, rows)))
-
-
 class Gear(Strict):
     """Table `[[gears]]`: a gearbox between motor and task."""
 
@@ -283,20 +250,6 @@ class Pipes(Strict):
     mass: si.ExtraMass = 0.03  # each; assumed
     mount: si.ExtraMass = 0.06  # the insert that holds them; assumed
     price: si.NotNegative = 0.0  # each
-
-
-class FanCurve(Strict):
-    """Table `[fan.curve]`: what a fan's data sheet shows."""
-
-    flow: Rising[si.Flow]
-    pressure: Annotated[list[si.Pressure], Field(max_length=_MOST_KNOTS)]  # at each flow, falling
-
-    @field_validator("pressure")
-    @classmethod
-    def _falls(cls, pressure: list[float], info: ValidationInfo) -> list[float]:
-        if len(pressure) != len(info.data.get("flow", pressure)) or pressure != sorted({*pressure}, reverse=True):
-            raise ValueError("a pressure for each flow, falling")
-        return pressure
 
 
 class SinkFan(Strict):
@@ -532,7 +485,7 @@ class Option:
             is_blown = self.cooling == "fan"
             air = blown_air(fan.speed, sink.fin_height) if is_blown else still_air(sink.excess, sink.fin_height)
             used, spacing = air.film * fin_efficiency(air.film, *fins), air.spacing
-        rises = [effect.parameters[0].value for effect in self._effects if _is_film_of_sink(effect)]
+        rises = [effect.resolved["beta"].value for effect in self._effects if _is_film_of_sink(effect)]
         used *= math.exp(-sink.excess * sum(rises))
         return SinkNumbers(used, sink.fin_thickness, spacing, metal.density, metal.specific_heat, metal.price or 0.0)
 
