@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from lptn.basics.errors import InputError
-from lptn.identify.data import DataSplit, split_data
-from lptn.identify.validation import symmetry_trials
+from lptn.identify.comparison import predict
+from lptn.identify.data import DataSplit, load_model, split_data
+from lptn.identify.validation import fit_segments, spread_of, symmetry_trials
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.network import LinkDeclaration, Network, NodeDeclaration
+from lptn.robots.presets import preset_text
+from lptn.virtual import leg_logs, write_logs
 from tests.builders import AMBIENT, capacity, effect, make_run, resistance
 
 _SIDES = ("left_knee", "right_knee")
@@ -54,3 +59,17 @@ def test_without_pairs_or_without_held_out_runs_there_is_nothing_to_choose() -> 
         symmetry_trials(_model("each"), _data())
     with pytest.raises(InputError, match="nothing held out"):
         symmetry_trials(_model(), DataSplit(_data().fit))
+
+
+@pytest.mark.long
+def test_readings_scatter_about_predictions_as_stated_where_nothing_is_missing(tmp_path: Path) -> None:
+    (tmp_path / "leg.toml").write_text(preset_text("leg"))
+    *fitted, held_out = write_logs(tmp_path, leg_logs([], seed=3, rate=1.0))
+    loaded = load_model(tmp_path / "leg.toml")
+    data = split_data(loaded.runs(fitted), loaded.runs([held_out]))
+    fit = fit_segments(loaded.model, data.fit)
+    prediction = predict(fit.model, data.holdout[0], fit.problem.sigma)
+    spread = spread_of(fit, prediction)
+    error = prediction.error[:, np.searchsorted(prediction.bound.run.time, spread.time)]
+    within = np.abs(error) < 1.96 * spread.size
+    assert np.mean(within[np.isfinite(error)]) == pytest.approx(0.95, abs=0.02)

@@ -1,4 +1,7 @@
-"""A model fitted to the fit data and judged on held-out data; the symmetry penalty chosen by held-out data."""
+"""A model fitted to the fit data and judged on held-out data; the symmetry penalty chosen by held-out data.
+
+And how far readings may be off what such a model predicts, with nothing missing.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +11,16 @@ from typing import Literal
 
 import numpy as np
 
+from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.identify.comparison import Errors, errors_of, predict
+from lptn.identify.comparison import Errors, Prediction, errors_of, predict
 from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import Checkpoint, Fit, fit
 from lptn.identify.problem import Point
 from lptn.identify.solvers import PRECISION, Progress
 from lptn.model.model import Model
 from lptn.simulate.bound_run import bind
+from lptn.simulate.simulation import sensitivity_windows
 
 _SYMMETRY_PENALTIES = (0.0, *(10.0**power for power in range(1, 7)))  # λ, from no pull to equal left and right
 
@@ -144,3 +149,42 @@ def symmetry_trials(
         done = fit_segments(model, coarse.fit, near, symmetry_penalty=penalty)
         trials.append(SymmetryTrial(penalty, done, holdout_errors(done, coarse.holdout) or Errors.of(np.zeros(0))))
     return trials
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Standard deviations of readings about a prediction.
+
+    Args:
+        time: moments of the run [s], (m,).
+        size: there [K], (nodes, m).
+    """
+
+    time: FloatArray
+    size: FloatArray
+
+
+def spread_of(fitted: Fit, prediction: Prediction, most: int = 1000) -> Spread:
+    """How far a reading may be off what a fit predicts: by what it leaves open of the parameters, and by noise.
+
+    To first order in the parameters; initial temperatures are taken as they are. What the model lacks is in it as far
+    as the parameters' covariance is widened for it.
+
+    Args:
+        fitted: the fit.
+        prediction: of a run, by its model.
+        most: moments of the run at which it is worked out.
+    """
+    model, bound = fitted.model, prediction.bound
+    acting = model.acting_in(bound.run.name)
+    columns = [k for k, index in enumerate(fitted.free) if index in acting]
+    slope = fitted.problem.slope(model.values)[columns]
+    covariance = fitted.uncertainty.covariance[np.ix_(columns, columns)] * np.outer(slope, slope)
+    moments = np.unique(np.linspace(0, len(bound) - 1, most).astype(int))
+    variances, chosen, start = [], [fitted.free[k] for k in columns], prediction.path.states[:, 0]
+    for window, moved in sensitivity_windows(model, bound, model.values, chosen, start):
+        inside = moments[(moments >= window.start) & (moments < window.stop)] - window.start
+        by = moved.by_parameter[:, inside]
+        variances.append(np.einsum("nkp,nkp->nk", by @ covariance, by))
+    variance = np.maximum(np.concatenate(variances, axis=1), 0.0)
+    return Spread(bound.run.time[moments], np.sqrt(variance + fitted.noise.floor[:, None] ** 2))

@@ -15,15 +15,13 @@ from lptn.diagnose.evidence import FirstOrder
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
 from lptn.identify.comparison import Prediction, versus
 from lptn.identify.data import Segment
-from lptn.identify.fitting import Fit
+from lptn.identify.validation import Spread, spread_of
 from lptn.report.network_drawing import NetworkCourse
-from lptn.simulate.simulation import sensitivity_windows
 from lptn.study import Study
-from lptn.workbench.lines import RunLines, Spread
+from lptn.workbench.lines import RunLines
 from lptn.workbench.opening import Opening
 from lptn.workbench.orders import Add, Back, Cut, Keep, Order, Plain, Set, Try
 
-_MOMENTS = 1000  # of a run, at which the band of a prediction is worked out; between them it is a line
 _MOST_WEIGHED = 12  # candidates beyond the answers; less probable ones are useless
 
 
@@ -237,27 +235,6 @@ class Bench:
             self._spreads[self.model] = {key: spread_of(fit, predicted) for key, predicted in now.items()}
         news.spreads = self._spreads[self.model]
         return news
-
-
-def spread_of(fit: Fit, prediction: Prediction) -> Spread:
-    """How far a reading may be off what a fit predicts: by what it leaves open of the parameters, and by noise.
-
-    To first order in the parameters; initial temperatures are taken as they are. What the model lacks is in it as far
-    as the parameters' covariance is widened for it.
-    """
-    model, bound = fit.model, prediction.bound
-    acting = model.acting_in(bound.run.name)
-    columns = [k for k, index in enumerate(fit.free) if index in acting]
-    slope = fit.problem.slope(model.values)[columns]
-    covariance = fit.uncertainty.covariance[np.ix_(columns, columns)] * np.outer(slope, slope)
-    moments = np.unique(np.linspace(0, len(bound) - 1, _MOMENTS).astype(int))
-    variances, chosen, start = [], [fit.free[k] for k in columns], prediction.path.states[:, 0]
-    for window, moved in sensitivity_windows(model, bound, model.values, chosen, start):
-        inside = moments[(moments >= window.start) & (moments < window.stop)] - window.start
-        by = moved.by_parameter[:, inside]
-        variances.append(np.einsum("nkp,nkp->nk", by @ covariance, by))
-    variance = np.maximum(np.concatenate(variances, axis=1), 0.0)
-    return Spread(bound.run.time[moments], np.sqrt(variance + fit.noise.floor[:, None] ** 2))
 
 
 def segments(study: Study) -> dict[str, Segment]:

@@ -12,10 +12,10 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.lines import joined, thinned
-from lptn.diagnose.unexplained_heat import UnexplainedHeat
+from lptn.diagnose.unexplained_heat import WIDE, UnexplainedHeat
 from lptn.identify.comparison import Prediction
+from lptn.identify.validation import Spread
 
-_NORMAL_95 = 1.96  # standard deviations
 _MARGIN = 1  # readings beyond a window on either side, so that a line runs to the plot's edge
 _BLOCK = 64  # readings of which the smallest and the largest are kept: long windows are drawn from a 64th of the log
 _OF_NODES = {"temperature": "measured", "predicted": "now", "error": "error now"}
@@ -23,19 +23,6 @@ _OF_NODES = {"temperature": "measured", "predicted": "now", "error": "error now"
 
 _Key = tuple[str, ...]
 _Read = Callable[[Any], FloatArray]  # the values of a line at an index of the run's readings
-
-
-@dataclass(frozen=True)
-class Spread:
-    """Standard deviations of readings about a prediction.
-
-    Args:
-        time: moments of the run [s], (m,).
-        size: there [K], (nodes, m).
-    """
-
-    time: FloatArray
-    size: FloatArray
 
 
 @dataclass(frozen=True)
@@ -142,7 +129,7 @@ class RunLines:
                 lines[f"error {name}", node, of] = _difference(read, measured)
         lines |= {(name,): self.inputs[name].__getitem__ for name in self.inputs_of(node)}
         if self.spread is not None and models.get("now") in self.predicted:
-            now, time, wide = self.predicted[models["now"]][row], self.spread.time, _NORMAL_95 * self.spread.size[row]
+            now, time, wide = self.predicted[models["now"]][row], self.spread.time, WIDE * self.spread.size[row]
             lines["now low", node] = _difference(now.__getitem__, self._between(time, wide))
             lines["now high", node] = _difference(now.__getitem__, self._between(time, -wide))
         if self.heat is not None and node in self.heat.nodes:

@@ -10,11 +10,11 @@ from scipy.special import ndtri
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
+from lptn.diagnose.unexplained_heat import WIDE
 
 _POINTS = 200  # of each curve
 _LONGEST = 0.25  # share of the run: products over longer lags are too few to tell anything
 _LEAST = 20  # readings
-_NORMAL_95 = 1.96  # standard deviations
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def residuals(error: FloatArray, step: float) -> Residuals:
         raise InputError("plot", "residuals", f"{errors.size} readings", f"{_LEAST} or more that differ")
     correlation = _autocorrelation(np.where(finite, error - errors.mean(), 0.0), finite)
     lags = np.unique(np.linspace(0, correlation.size - 1, _POINTS).astype(int))
-    band = _NORMAL_95 / float(np.sqrt(errors.size))
+    band = WIDE / float(np.sqrt(errors.size))
     within = np.flatnonzero(np.abs(correlation) < band)
     probabilities = (np.arange(min(_POINTS, errors.size)) + 0.5) / min(_POINTS, errors.size)
     return Residuals(
